@@ -9,9 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-TILE = 32
-"""Size of the blocks in which a matrix is mirrored, so that they fit in the cache; numerical."""
-
 FASTMATH = {"contract", "reassoc"}
 """Reorderings of sums that the compiler may apply; NaN and infinity keep their meaning."""
 

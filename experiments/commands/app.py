@@ -1,4 +1,4 @@
-"""The command `softaim`, with its subcommands registered.
+"""The command `softaim` with all its subcommands.
 
 Each subcommand imports what it needs when it runs, so that `--help` loads little.
 """
@@ -69,7 +69,7 @@ COMMANDS = (
 """The commands in the order of the help."""
 
 REFUSALS = frozenset({errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR})
-"""Errors of the operating system about a name that the user gave."""
+"""Codes of errors of the operating system that result from a file name of the user."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
@@ -102,7 +102,7 @@ def softaim(
 
 
 def main() -> None:
-    """Run the command. Bad input prints one line on standard error and exits with 2; an interrupt exits with 130."""
+    """Run the command. Bad input ends it with one line on standard error and code 2, an interrupt with code 130."""
     one_thread_each()
     keep_kernels()
     try:
@@ -123,7 +123,7 @@ def main() -> None:
 
 
 def _words() -> str:
-    """The names of the program and of the called subcommand, if it exists."""
+    """The program's name, and the name of the called subcommand if the subcommand exists."""
     names = {command.__name__.replace("_", "-") for command in COMMANDS}
     return " ".join(["softaim", *(word for word in sys.argv[1:2] if word in names)])
 
@@ -134,7 +134,7 @@ def _end(text: str, code: int) -> NoReturn:
 
 
 def is_bad_input(fault: Exception) -> bool:
-    """Whether the fault is in the input, not in the program."""
+    """Whether the exception results from the input, not from an error in the program."""
     from dynamics import NetworkError
     from vision import CalibrationError, HueError, SourceError
 

@@ -22,7 +22,7 @@ MARKS_SHOWN = 10
 def _table(
     title: str, heads: Sequence[str | Sequence[str]], rows: Iterable[Sequence[str]], caption: str | None = None
 ) -> Table:
-    """A table of these rows. Columns are right-aligned; a head in a list makes a left-aligned column."""
+    """A table of these rows. A column is left-aligned if its head is in a list, otherwise right-aligned."""
     table = Table(title=title, caption=caption)
     for head in heads:
         table.add_column(head, justify="right") if isinstance(head, str) else table.add_column(*head, justify="left")
@@ -32,7 +32,7 @@ def _table(
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """One row for each method: errors if the truth is known, otherwise sigma and NIS; number of frames; speed."""
+    """A row for each method: errors, or without a known truth sigma and NIS; numbers of frames; time per frame."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
     title = "Error of the hidden target" if known else "The hidden target; truth not known"
@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines with statuses, verdict and sources of variance, from the filter's part of summary.json."""
+    """Lines with statuses, verdict and shares of variance; ours: the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -80,7 +80,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """One row for each mark: errors of its prediction by a filter without this mark, from summary.json."""
+    """A row for each mark: errors of its prediction from the other marks; ours: the filter's part of summary.json."""
     heads = [["mark"], "frames", "mean error [mm]", "mean NEES", "error / predicted"]
     rows = [
         [node, str(one["frames"]), *(f"{one[key]:.2f}" for key in ("mean_error_mm", "mean_nees", "ratio"))]
@@ -90,12 +90,12 @@ def withheld_table(ours: Row) -> Table:
 
 
 def sentence(words: str) -> str:
-    """Words as a sentence, with a capital letter and a full stop."""
+    """The words with a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks found least often, with reasons, from the filter's part of summary.json."""
+    """The marks that were found least often, with reasons; ours: the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,14 +109,14 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """One row for each hue: share of the picture that its keys select, ratio to the marks' area, faulty frames."""
-    heads = [["marks"], ["keys"], "of the picture", "least", "most", "ratio to marks' area", "too few", "flooded"]
+    """A row for each hue: the share of the picture that its keys select, and frames with too few or too many pixels."""
+    heads = [["marks"], ["keys"], "median", "least", "largest", "ratio to marks' area", "too few in", "too many in"]
     rows = []
     for row in kinds:
         shares = [f"{row[key]:.2%}" for key in ("share_median", "share_least", "share_most")]
         amiss = [f"{row[key]:.1%}" for key in ("frames_too_few", "frames_flooded")]
         rows.append([", ".join(row["marks"]), row["keys"], *shares, f"{row['by_marks']:.2f}", *amiss])
-    return _table(f"Pixels that the keys select, in {counted(n_frames, 'frame')}", heads, rows)
+    return _table(f"Share of the picture that the keys select, in {counted(n_frames, 'frame')}", heads, rows)
 
 
 def advice_line(counts: Mapping[str, int]) -> str:
@@ -136,7 +136,7 @@ def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
 
 
 def plan_table(report: Mapping[str, Any]) -> Table:
-    """One row for each of the best paths in plan.json."""
+    """A row for each of the best paths; report: the content of plan.json."""
     title = f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed"
     heads = ("", "entry [mm]", "depth [mm]", "angle", "hit", "clearance [mm]", "push on target [mm]")
     rows = [
@@ -155,7 +155,7 @@ def plan_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_table(report: Mapping[str, Any]) -> Table:
-    """One row for each policy in summary.json: hit rate with its interval, misses, time, insertions."""
+    """A row for each policy; report: the content of summary.json."""
     title = f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
     heads = ("hits", "95 % interval", "predicted", "miss [mm]", "time to a hit [s]", "insertions", "never arrived")
     rows = [
@@ -176,7 +176,7 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_lines(report: Mapping[str, Any]) -> list[str]:
-    """Predicted and observed hit rates of `softaim advise` in the same simulations, from summary.json."""
+    """Lines with predicted and observed hit rates of `softaim advise`; report: the content of summary.json."""
     of, lines = report["advise"], []
     if not any(of["advice"].values()):
         return []
@@ -196,7 +196,7 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def demo_table(figures: Figures) -> Table:
-    """Mean absolute error ± SD for each method and scenario, with the paper's figures."""
+    """Mean absolute error ± SD for each method and scenario, below the paper's figures."""
     from experiments.studies.demo import PAPER_MM, heads
 
     published = (f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
@@ -210,14 +210,14 @@ def demo_table(figures: Figures) -> Table:
 
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
-    """One row for each combination of parameters and method; the first row of cells has the heads."""
+    """A row for each combination of parameters and method; the first row of `cells` has the heads."""
     broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
     heads = [[one] if one == "method" else one for one in broken]
     return _table("Error of the hidden target, over runs", heads, cells[1:])
 
 
 def faults_table(cells: Sequence[Sequence[str]]) -> Table:
-    """One row for each fault."""
+    """A row for each fault."""
     from experiments.studies.faults.study import HEADS
 
     heads = [[head] if head in ("fault", "shown") else head for head in HEADS]
@@ -225,7 +225,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
 
 
 def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str, float]]]) -> Table:
-    """One row for each figure of a benchmark; the benchmark of meshes has several rows for each mesh size."""
+    """A row for each figure of each benchmark. The benchmark `scaling` has rows for each mesh."""
     rows = []
     for name, figures in report.items():
         if isinstance(figures, Mapping):
@@ -238,7 +238,7 @@ def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str,
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """One row for each identified constant, with its standard error; the caption counts undetermined combinations."""
+    """A row for each identified constant. The caption says how many combinations the recording determines."""
     rows = []
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
@@ -251,7 +251,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 
 def levels_table(report: Mapping[str, Any]) -> Table:
-    """One row for each noise level, with its standard error."""
+    """A row for each noise level, with its standard error."""
     units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
     rows = [
         [name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}"]
@@ -263,7 +263,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
 
 
 def calibration_table(done: Calibration) -> Table:
-    """One row for each constant of the lens, with its standard error."""
+    """A row for each constant of the lens, with its standard error."""
     title = f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px"
     values, sds = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion], [*done.matrix_sd, *done.distortion_sd]
     names = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
@@ -273,7 +273,7 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """Lines with the residuals, omitted pictures, and the size of a pixel on the plane."""
+    """Lines with the rms residual, the pictures that were left out, and the size of a pixel on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [
@@ -285,7 +285,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """One row for each point: its residual, and its distance from the position that the other points predict."""
+    """A row for each point: its residual, and measured and expected distance from the other points' prediction."""
     keys = ("residual_mm", "left_out_mm", "left_out_expected_mm")
     rows = [[row["name"], *(_number(row[key], ".2f") for key in keys)] for row in report["points"]]
     title, heads = f"Registration by {counted(len(rows), 'point')}", [["point"], "residual", "left out", "expected"]
@@ -293,7 +293,7 @@ def registration_table(report: Mapping[str, Any]) -> Table:
 
 
 def lines_table(lines: Iterable[tuple[str, str]]) -> Table:
-    """Pairs of subject and sentence in two columns."""
+    """Pairs of texts in two columns."""
     table = Table.grid(padding=(0, 2))
     for line in lines:
         table.add_row(*line)

@@ -1,4 +1,4 @@
-"""Errors of a command line as messages of one line, in the form of errors in files."""
+"""Messages of one line for errors of a command line; they have the form of messages on files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXPECTED = (
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
-    """One line that reports an error in a call of `command`, such as `softaim track`, with these arguments."""
+    """A message of one line on a wrong call; command: such as `softaim track`; arguments: all that follow `softaim`."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:
         if (parts := re.fullmatch(form, message)) is not None:
@@ -51,7 +51,7 @@ def _expected(why: str) -> str:
 
 
 def _value(arguments: Sequence[str], option: str) -> str:
-    """The value of an option, in quotes."""
+    """The given value of an option, in quotes."""
     for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
         if word == option:
             return shown(following)
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """An InputError for the operating system's error about a file name; a long name is shortened."""
+    """An InputError for an operating system's error about a file name. Long names are shortened."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import typer
 
 SHIPPED = tuple(sorted(path.stem for path in Path(__file__).parents[1].glob("scenarios/*.toml")))
-"""Names of the shipped scenarios, listed without loading their reader."""
+"""Names of the shipped scenarios."""
 
 
 def scenarios(incomplete: str) -> list[str]:
-    """Shell completions for a scenario: shipped scenarios and files."""
+    """Completions in a shell for an incomplete scenario: shipped scenarios and files."""
     start = Path(incomplete)
     folder, name = (start, "") if incomplete.endswith("/") else (start.parent, start.name)
     files = sorted(str(path) for path in folder.glob("*.toml") if path.name.startswith(name))
@@ -24,7 +24,7 @@ ScenarioName = Annotated[
     typer.Argument(help=f"Scenario file, or shipped scenario: {', '.join(SHIPPED)}.", autocompletion=scenarios),
 ]
 Out = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.", show_default=False)]
-Force = Annotated[bool, typer.Option("--force", help="Write into a non-empty folder.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
 RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
 Fps = Annotated[
     float | None,
@@ -37,7 +37,10 @@ Fps = Annotated[
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file to use in place of the recording's.")]
 WithFilm = Annotated[
-    bool, typer.Option("--film", help="Write annotated film.avi (in space film.NAME.avi); worst frames in worst.png.")
+    bool,
+    typer.Option(
+        "--film", help="Write annotated film.avi (in space one film.NAME.avi per camera); worst frames in worst.png."
+    ),
 ]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[

@@ -1,4 +1,4 @@
-"""Write docs/commands.md: every command with its arguments and options, from its help.
+"""Write docs/commands.md: all commands with their arguments and options, from the texts of --help.
 
 `python -m experiments.commands.page` writes the page; --check reports whether it is up to date.
 """
@@ -23,10 +23,10 @@ COMMON = {"--json", "--verbose", "--force", "--vector"}
 """Options that the top of the page describes in its own words."""
 
 SEVERAL = 3
-"""An option that at least this many commands share is described only once; a choice."""
+"""The page describes an option only once if at least this many commands have it; choice."""
 
 TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
-"""Types that add nothing to the text of an option."""
+"""Types that the page omits, because they say less than the text of the option."""
 
 RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
 LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
@@ -34,7 +34,7 @@ LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
 
 
 def sections() -> Iterator[str]:
-    """The sections of the page: shared options; then each command's purpose, usage, and own options."""
+    """The sections of the page: first shared options, then a section for each command."""
     group: Any = typer.main.get_command(app)
     contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
     rows = {name: dict(_rows(group.commands[name], context)) for name, context in contexts.items()}
@@ -53,7 +53,7 @@ def sections() -> Iterator[str]:
 
 
 def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
-    """Row and usage of each argument and option that the top of the page does not describe."""
+    """Row and usage text of each argument and option of a command, without the options in `COMMON`."""
     for one in command.get_params(context):
         found = one.get_help_record(context)
         if found is None or one.name == "help" or set(one.opts) & COMMON:
@@ -65,7 +65,7 @@ def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
 
 
 def page(text: str) -> str:
-    """The page with the present sections of the commands."""
+    """The page with new sections; text: the present page."""
     return replaced(text, {"commands": "\n".join(sections())})
 
 

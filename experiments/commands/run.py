@@ -1,6 +1,6 @@
-"""One run of a subcommand: its messages, progress and output.
+"""One run of a subcommand: its messages, its progress and its output.
 
-All subcommands have --json, --verbose, softaim.log and provenance.json from here.
+This module adds --json, --verbose, softaim.log and provenance.json to all subcommands.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The result of a subcommand: a record for programs (--json), and tables and lines of text for people.
+    """The result of a subcommand.
 
-    fault: exception to raise after the result is printed, if a part of the work failed
+    record: the result for programs (--json); shown: the tables and lines of text for people
+    fault: if a part of the work failed, exception to raise after the result is printed
     """
 
     record: Mapping[str, Any]
@@ -53,9 +54,9 @@ class Run:
     """A run of a subcommand.
 
     arguments: arguments of the command line, without passwords; log: all messages
-    given: value of each option on the command line, by its name; for a flag, the flag itself
-    State: resources that stay open until the end; the progress bar, if there is one; the scene; the steps that the
-    scene lacks, with their consequences, and whether these were reported.
+    given: texts of the given arguments and options, by name; the text of a flag is its name
+    State: resources that stay open until the end; the progress bar, once a stage has begun; the scene; messages on
+    steps that the scene lacks, and whether they have been reported.
     """
 
     command: str
@@ -84,21 +85,21 @@ class Run:
         return done
 
     def only_with(self, other: str, *options: str) -> None:
-        """Raise InputError if one of the options was given without another that it needs."""
+        """Raise InputError if one of `options` was given without the option `other`, which it needs."""
         for option in options if other not in self.given else ():
             if option in self.given:
                 raise InputError.at(option, f"{other} beside it", "none")
 
     def not_with(self, other: str, *options: str) -> None:
-        """Raise InputError if one of the options was given with another that disables it."""
+        """Raise InputError if one of `options` was given with the option `other`, which makes it useless."""
         for option in options if other in self.given else ():
             if option in self.given:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and find the steps that it lacks for this command; `begun` reports them.
+        """Set the scene of this run, and find the steps that the scene lacks for the command `before`.
 
-        Raises InputError if a filter of the scene's network would be too slow for this command.
+        `begun` reports these steps. Raises InputError if the scene's network is too large for a filter.
         """
         from experiments.pipeline.events import scene_line, steps_left_out
 
@@ -112,7 +113,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that the scene lacks, once. After bad input, only the error is reported."""
+        """Report the steps that the scene lacks, once. Call it after all input is read, so that errors come alone."""
         if not self._reported:
             self._reported = True
             for line in self._left_out.values():
@@ -122,9 +123,9 @@ class Run:
     def folder(
         self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = (), growing: bool = False
     ) -> Iterator[Path]:
-        """An output folder from `output_folder`; at the end it receives the run's provenance and log.
+        """Context with an output folder. At its end, the folder receives the run's provenance and log.
 
-        inputs: files and folders that are read, None if not given; growing: use `growing_folder` instead
+        inputs: files and folders that the run reads; growing: whether to use `growing_folder`, not `output_folder`
         """
         from experiments.formats.outputs import growing_folder, output_folder
 
@@ -141,7 +142,7 @@ class Run:
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
-        """Write the run's provenance and log to an existing folder with the final name `named`."""
+        """Write the run's provenance and log to an existing folder, whose final name is `named`."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
 
@@ -161,9 +162,9 @@ class Run:
         kept: Sequence[str] = (),
         force: bool = False,
     ) -> None:
-        """Write the scene after this step, with its provenance beside it. Raises InputError.
+        """Write the scene that results from a step, and its provenance in a file beside it. Raises InputError.
 
-        kept: names of constants that the step did not change; force: replace another mesh file of the same name
+        kept: names of constants that the step did not change; force: whether to replace an existing mesh file
         """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import mesh_beside, scene_text, with_step
@@ -175,7 +176,7 @@ class Run:
         )
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
-        """Write all files or none, and the run's provenance beside the first. Raises InputError."""
+        """Write all files and the provenance, or nothing; contents: text of each file. Raises InputError."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import beside
 
@@ -184,9 +185,9 @@ class Run:
 
     @contextmanager
     def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
-        """An output file from `streamed_file`; at the end the run's provenance is written beside it.
+        """Context with an output file. At its end, the run's provenance is written beside the file.
 
-        inputs: files and folders that are read, None if not given. Raises InputError.
+        inputs: files and folders that the run reads. Raises InputError.
         """
         from experiments.formats.outputs import check_new, check_outside, streamed_file
         from experiments.formats.provenance import beside
@@ -211,7 +212,7 @@ class Run:
 
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
-    """The function that typer calls: it passes `run`, adds --json and --verbose, and prints the answer."""
+    """The function that typer calls: it passes `run`, adds --json and --verbose, and prints the command's answer."""
     import typer
 
     name = command.__name__.replace("_", "-")
@@ -252,7 +253,7 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
 
 
 def _given(context: typer.Context) -> dict[str, str]:
-    """Values of the given arguments and options, by name; for a flag its name."""
+    """Texts of the arguments and options that the user gave, by name; the text of a flag is its name."""
     given: dict[str, str] = {}
     for one in context.command.params:
         source, value = context.get_parameter_source(one.name or ""), context.params.get(one.name or "")
@@ -266,7 +267,7 @@ def _given(context: typer.Context) -> dict[str, str]:
 
 
 def _check_names(given: Mapping[str, str]) -> None:
-    """Raise InputError for a name or current folder that is not UTF-8: some libraries fail on them."""
+    """Raise InputError if an argument or the current folder is not UTF-8, because some libraries then fail."""
     with suppress(OSError):
         given = {"the current folder": os.getcwd(), **given}
     for name, text in given.items():
@@ -295,5 +296,5 @@ def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]
 
 
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
-    """The arguments without the passwords in addresses of streams."""
+    """The arguments without user names and passwords in addresses of streams."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)

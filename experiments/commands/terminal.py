@@ -9,26 +9,26 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 FIRST_S = 10.0
-"""Time of the first progress line of a run without a terminal [s]. Each further line comes after twice the time.
-Choice: few lines in a log file."""
+"""Time of the first progress line of a run without a terminal [s]; the time doubles for each further line. Choice: few
+lines in a log file."""
 
 COMPILES = "a first run compiles"
-"""Text shown at the start of a stage, because kernels compile in its first steps."""
+"""Text that is shown at the start of a stage, because code is compiled in its first steps."""
 
 BEGUN = 0.01
-"""Largest completed share of a stage that may still be compiling; choice: the first few of hundreds of frames."""
+"""Completed share of a stage below which `COMPILES` is shown; choice: a few of hundreds of frames."""
 
 WAITS_S = 3.0
-"""Time after which the progress bar shows `COMPILES` [s]; a choice."""
+"""Time from the start of a stage until the progress bar shows `COMPILES` [s]; choice."""
 
 Stage = Callable[[str], Callable[[float], None]]
 
 
 @contextmanager
 def progress() -> Iterator[Stage]:
-    """Show the progress of a run on standard error: stage(name) returns a function of the completed share.
+    """Show the progress of a run on standard error: bars on a terminal, otherwise occasional lines.
 
-    Shows a bar on a terminal, otherwise occasional lines.
+    Yields a function. Call it with the name of each stage; it returns a function to call with the completed share.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -54,13 +54,13 @@ def progress() -> Iterator[Stage]:
 
 
 def to_stderr(line: str) -> None:
-    """Print a line to standard error, at once."""
+    """Print a line to standard error without buffering."""
     print(line, file=sys.stderr, flush=True)
 
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """Show progress as lines, not as a bar: after first_s [s], twice first_s, and so on, even if the work stalls."""
+    """Show progress as lines: the first after first_s [s], each further line when the elapsed time has doubled."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 

@@ -1,9 +1,9 @@
-"""The rooms of the four packages and the imports between them, as the drawing and lists of docs/architecture.md.
+"""Drawing and lists of docs/architecture.md: the sub-packages of the four packages, and the imports between them.
 
-    python -m experiments.studies.architecture          # rewrites both, from the code
+    python -m experiments.studies.architecture          # rewrites both from the code
     python -m experiments.studies.architecture --check  # exit code 1 if the page differs from the code
 
-A room is a sub-package. The first line of its docstring states its content.
+The code calls a sub-package a room. The first line of its docstring states its content.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PACKAGES = ("dynamics", "vision", "estimators", "experiments")
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A sub-package: its name, its content, the rooms that it imports."""
+    """A sub-package: its name, its content, and the sub-packages that it imports."""
 
     name: str
     holds: str
@@ -43,7 +43,7 @@ class Room:
 
 @cache
 def rooms_of(package: str) -> list[Room]:
-    """The rooms of a package, sorted by name; a room inside another counts as part of the outer room."""
+    """The sub-packages of a package, sorted by name; each includes its own sub-packages."""
     found = []
     for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
@@ -55,7 +55,7 @@ def rooms_of(package: str) -> list[Room]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Rooms that a module imports, and packages from which it imports names directly."""
+    """Names of sub-packages that a module imports, and of packages from which it imports directly."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -71,7 +71,7 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 def layers_of(package: str) -> list[list[str]]:
-    """Names of a package's rooms in the layers of the import contract, topmost first."""
+    """Names of a package's sub-packages in the layers of the import contract, top layer first."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
@@ -82,7 +82,7 @@ def layers_of(package: str) -> list[list[str]]:
 
 
 def tables() -> str:
-    """Markdown lists of each package's rooms, from the top layer down, and a checksum of the imports between rooms."""
+    """Lists of sub-packages in Markdown, from the top layer down, and a checksum of the imports between them."""
     parts, imports = [], []
     for package in PACKAGES:
         rooms = {room.name.split(".")[1]: room for room in rooms_of(package)}
@@ -97,7 +97,7 @@ def tables() -> str:
 
 
 def page() -> str:
-    """The text of docs/architecture.md with lists from the code."""
+    """The text of docs/architecture.md with new lists."""
     return replaced(PAGE.read_text(encoding="utf-8"), {"rooms": tables()})
 
 
@@ -107,12 +107,12 @@ FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {
     "vision": (8.6, ("dynamics",), 8.0, "#e5f2dd"),
     "experiments": (0.0, ("estimators", "vision"), 16.6, "#eee3f3"),
 }
-"""Layout of each package in the drawing: left edge, names of packages below it, width, colour; from the lowest up."""
+"""Layout of each package in the drawing: left edge, packages below it, width, colour. Lower packages come first."""
 HEIGHT, GAP, BETWEEN = 0.5, 0.36, 0.85
 
 
 def draw(path: Path) -> None:
-    """Draw the packages as frames, their rooms in layers, an arrow for each import between rooms of a package."""
+    """Draw packages as frames with their sub-packages in layers, and an arrow for each import within a package."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13, 10), layout="constrained")
@@ -127,7 +127,7 @@ def draw(path: Path) -> None:
         tops[package] = low + len(layers) * (HEIGHT + GAP) + 0.15
         _box(axes, (left, low - 0.25), (broad, tops[package] - low + 0.35), colour)
         axes.text(left + 0.1, tops[package] + 0.06, package, fontsize=13, weight="bold", va="top")
-        # a layer with one room is not centred, so that arrows between layers do not cover each other
+        # a layer with one sub-package is not centred, so that arrows between layers do not cover each other
         alone = [k for k, layer in enumerate(layers) if len(layer) == 1]
         for k, layer in enumerate(layers):
             y = low + (len(layers) - 1 - k) * (HEIGHT + GAP) + HEIGHT / 2

@@ -1,13 +1,15 @@
-"""Speed of work on whole recordings: advising on a needle, tuning the discrepancy's level, smoothing, and filming.
+"""Speed of advice, tuning of the model discrepancy, smoothing, and writing of a film.
 
-The recording shows the phantom at rest with three marks accurate to 1 mm; its figures are the row `recording` of
-`softaim bench`. advise: advice of one frame on 21 starts within 2 s, with a path from tables or from the filter.
-tune: time of `tune_strain` on 50 frames, divided by their number or by the time in which the filter passes them.
-smooth: time of `fixed_interval` per frame; smooth_ratio: this time relative to that of the filter alone.
+The recording shows the phantom at rest with three marks accurate to 1 mm. Its figures are the row `recording` of
+`softaim bench`.
+advise_ms, advise_by_filter_ms: advice in one frame evaluates 21 start times of the insertion within 2 s. The target's
+predicted path comes from tables or from the filter.
+tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the time of the filter on the same frames.
+smooth_ms, smooth_ratio: the same figures for `fixed_interval`.
 
-Row `film_640x480`: a film with its overlay. Processor times per frame on a busy machine: 4.1 ms for tracking, 3.4 ms
-for projecting and drawing, 3.7 ms for compression, 11.2 ms in all. If one of the four marks is missing in every frame,
-the sum is 32.5 ms, of which 25 ms are the search for this mark.
+The row `film_640x480` is for a film with its overlay. Processor times per frame on a busy machine were 4.1 ms for
+tracking, 3.4 ms for drawing and 3.7 ms for compression, in all 11.2 ms. If one of the four marks is missing in every
+frame, the total is 32.5 ms, of which the search for this mark takes 25 ms.
 """
 
 from __future__ import annotations
@@ -44,26 +46,26 @@ N_ADVISED, N_BY_FILTER, N_TUNED, N_SMOOTHED = 30, 3, 50, 60
 
 
 def seconds_of(work: Callable[[], object]) -> float:
-    """Duration of a piece of work [s]."""
+    """Time that the function `work` takes [s]."""
     began = time.perf_counter()
     work()
     return time.perf_counter() - began
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Median [ms] of these durations [s], without the first tenth of them."""
+    """Median of durations [ms], without the first tenth of them; seconds: the durations [s]."""
     return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 
 def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int) -> Frames:
-    """Frames with noisy marks of a body that rests in its drawn shape; sd_m: their sd on each axis [m]."""
+    """Frames with noisy marks on a body at rest; sd_m: standard deviation of the noise on each axis [m]."""
     at = network.positions[[network.index(node) for node in nodes]]
     places = at + np.random.default_rng(0).normal(0.0, sd_m, (n_frames, *at.shape))
     return frames_of(FRAME_S * np.arange(n_frames), places, nodes, sd_m)
 
 
 def recording() -> dict[str, float]:
-    """All figures of this module; medians or totals per frame, in ms."""
+    """All figures of the row `recording`, see the module."""
     frames = resting_frames(four_mass_phantom(), OUTER, MARK_SD_M, N_SMOOTHED)
     return advised(frames) | tuned(frames[:N_TUNED]) | smoothed(frames)
 
@@ -78,7 +80,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Median times of advice in a frame [ms], with a path from tables and with a path from the filter."""
+    """Median times of advice in a frame [ms]: the target's path comes from tables, or from the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
@@ -97,21 +99,21 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Time to tune the discrepancy level on the frames: per frame [ms], and relative to one pass of the filter [1]."""
+    """Time to tune the model discrepancy on the frames: per frame [ms], and relative to the filter's time [1]."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
-    """Time of the smoother, which passes the frames forward and back: per frame [ms], relative to the filter [1]."""
+    """Time to smooth the frames: per frame [ms], and relative to the filter's time [1]."""
     fixed_interval(_filter(), frames[:3])
     pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}
 
 
 def film_640x480(scene: Scene, times_s: Sequence[float], images: Sequence[Image]) -> dict[str, float]:
-    """Median times per frame [ms]: tracking with reasons for lost marks, projecting and drawing, compression, total."""
+    """Median times per frame to track, to draw the overlay and to compress, and their total [ms]."""
     line, camera, seconds = Line(scene, explain=True), scene.cameras[0], []
     with TemporaryDirectory() as folder, VideoWriter(Path(folder) / "film.avi", camera.size_px, 30.0) as writer:
         for time_s, image in zip(times_s, images, strict=True):

@@ -1,9 +1,10 @@
-"""Study of a camera whose calibration error is constant in a run: bias and covariance of the target.
+"""Study of a camera whose calibration error is constant in a run: error and covariance of the estimated target.
 
-Truth is by `experiments.simulation.simulate`. Runs have 30 frames/s and last 5 s; the first 0.5 s is omitted. The
-camera stands 1.2 m before the plane. Errors of its lens and pose are drawn once for each run and scaled to a given
-error of marks (rms, both axes); marks also have 0.5 mm of noise. Two filters get the same marks: one assumes errors
-that are independent in each frame (n_calibration 0), one considers constant errors.
+`experiments.simulation.simulate` computes the truth. Runs last 5 s at 30 frames/s; the first 0.5 s is not evaluated.
+The camera is 1.2 m from the plane of the marks. Errors of its lens and pose are drawn once for each run. They are
+scaled so that marks get a given rms error over both axes. Marks also have 0.5 mm of noise. Two filters get the same
+marks. One assumes that mark errors are independent in each frame (n_calibration 0); the other considers the constant
+error of the calibration.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each case (latest figures in docs/calibration.md):
 
@@ -40,7 +41,7 @@ DIRECTIONS = {
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
 """Errors before scaling; choice. Whole: lens and pose after a calibration with a dozen pictures; all marks move nearly
-equally. Turned: the lens is exact; the camera is rotated about its axis, and nearer or farther."""
+equally. Turned: the lens is exact; the camera is rotated about its axis, and its distance is wrong."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -52,7 +53,7 @@ Run = dict[str, tuple[Floats, Floats]]
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
-    """A camera in front of the phantom whose calibration moves marks at rest by this much on average [m]."""
+    """A camera in front of the phantom, whose calibration error displaces marks at rest by error_m [m] (rms)."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",
@@ -68,7 +69,7 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
 
 
 def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
-    """Both filters on the same marks, with a camera whose calibration has a random error of this size."""
+    """Run both filters on the same marks; case: one of `CASES`."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)
@@ -91,7 +92,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
 
 
 def figures(runs: list[Run], name: str) -> dict[str, float]:
-    """Figures of one filter over all runs: rms error and rms sigma [mm], share in the 95 % region, and mean NEES."""
+    """Figures of one filter over all runs: rms error [mm], rms sigma [mm], coverage of the 95 % region, mean NEES."""
     errors, covs = (np.concatenate(parts) for parts in zip(*(one[name] for one in runs), strict=True))
     nees = normalised_error_squared(errors, covs)
     return {

@@ -17,7 +17,8 @@ from experiments.simulation.simulate import simulate
 
 SCENARIOS = ("quiet", "poked")
 PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
-"""Published mean and SD of the hidden mass's error [mm], at 1.09 s per frame and marks accurate to 4.14 ± 1.47 mm."""
+"""Published mean and SD of the hidden mass's error [mm], with a frame every 1.09 s and marks accurate to 4.14 ± 1.47
+mm."""
 
 
 def tracked(
@@ -27,7 +28,7 @@ def tracked(
     *,
     stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Film a scenario into the folder `recording` and track it; seed: used instead of the scenario's own."""
+    """Film a scenario into the folder `recording` and track it; seed: replaces the scenario's seed."""
     scenario = read_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
@@ -48,8 +49,9 @@ def demo(
 ) -> Figures:
     """Write recordings and tracks of both scenarios to the folder `out`; returns figures by scenario and method.
 
-    vector: "pdf" or "svg" for a vector file beside each plot; stage(name) is called at the start of each part and
-    returns a function, which then gets the completed share
+    vector: "pdf" or "svg" to write each plot also as such a file
+    stage: function that is called with the name of each part of the work; it returns a function that is called with
+    the completed share of this part
     """
     from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 

@@ -1,4 +1,4 @@
-"""Common parts of all studies: a grid of cases, their runs, the options of a command, and its output."""
+"""What all studies share: grids of cases, runs, options of the command, and output."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ Main = Callable[[Sequence[str] | None], int | None]
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
-    """A case for each combination of the values; values of the last axis change fastest."""
+    """A case for each combination of values of the axes; the last axis changes fastest."""
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
 def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
-    """Options of a study; doc: docstring of its module, whose first line is the description.
+    """Parser of a study's options.
 
-    out: whether the study stores its runs in a folder; page: page of docs/ whose tables it can rewrite
+    doc: docstring of the study's module; its first line becomes the description
+    out: whether the option --out is added; page: page of docs/ whose tables --page rewrites, empty for none
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -49,7 +50,7 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
-    """Add the options that `seeds_of` reads: the number of seeds, named `runs`, and `--first-seed`."""
+    """Add the options that `seeds_of` reads: the number of seeds, and `--first-seed`; runs: name of the former."""
     parser.add_argument(
         runs, dest="n_seeds", type=one_or_more, default=n, help="runs of each case; default: %(default)s"
     )
@@ -62,7 +63,7 @@ def seeds_of(given: argparse.Namespace) -> range:
 
 
 def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The names that an option states; all known names if it states none. Raises InputError for an unknown name."""
+    """The names that an option states, or all known names if it states none. Raises InputError for other names."""
     every = list(known)
     for name in names:
         if name not in every:
@@ -71,19 +72,19 @@ def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]
 
 
 def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers) -> pd.DataFrame:
-    """The rows of all runs, stored in a folder and continued there. Raises InputError, RunsFailedError."""
+    """Do the runs that the folder lacks, and store them there; returns all rows. Raises InputError, RunsFailedError."""
     with run_bar(folder.name) as advance:
         return run_study(work, cases, folder, workers, advance).checked()
 
 
 def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
-    """The results of runs that are not stored, in the order of the jobs. Raises InputError, RunsFailedError."""
+    """Do runs without storing them; returns results in the order of the jobs. Raises InputError, RunsFailedError."""
     with run_bar("runs") as advance:
         return results(work, jobs, workers, advance)
 
 
 def command(main: Main) -> Callable[..., int]:
-    """Decorator of a study's main function: it prints an input error as one line, with exit code 2."""
+    """Decorator of a study's main function. It prints an InputError as one line, and returns the exit code 2."""
 
     @wraps(main)
     def coded(arguments: Sequence[str] | None = None) -> int:
@@ -97,14 +98,14 @@ def command(main: Main) -> Callable[..., int]:
 
 
 def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str]) -> None:
-    """Print a text, and with `--page` rewrite these parts of the study's page, by name."""
+    """Print a text. With `--page`, also rewrite parts of the study's page; parts: new text by the part's name."""
     sys.stdout.write(text)
     if given.page is not None:
         rewrite_page(given.page, parts)
 
 
 def print_figures(label: str, figures: Mapping[str, float], digits: int = 3) -> None:
-    """Print one line: a label, and all figures with their names."""
+    """Print a line with a label and all figures with their names."""
     columns = "  ".join(f"{name} {value:.{digits}g}" for name, value in figures.items() if not isinstance(value, str))
     sys.stdout.write(f"{label}{columns}\n")
     sys.stdout.flush()

@@ -1,7 +1,7 @@
-"""Error of the hidden mass by the paper's method and the filter: 30 frames/s, mark noise 4.14 mm, true parameters.
+"""Error of the hidden mass by the paper's method and by the filter, with true constants.
 
-Reproduces the comparison in [paper] section IV with the paper's mark noise ("4.14 ± 1.47 mm", assumed to be the
-standard deviation on each axis) at a camera's frame rate. Truth is by SciPy's RK45.
+Reproduces the comparison in [paper] section IV at a camera's frame rate, 30 frames/s. The marks have the paper's noise:
+"4.14 ± 1.47 mm", read as a standard deviation of 4.14 mm on each axis. SciPy's RK45 computes the truth.
 `python -m experiments.studies.hidden_error` prints figures of 20 runs of 20 s (latest figures in README.md).
 """
 
@@ -23,7 +23,7 @@ SEEDS = range(100, 100 + N_RUNS)
 
 
 def study(scenario: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Figures of a scenario over all runs, see `experiments.studies.estimation.study`."""
+    """Run a scenario with all seeds; returns the figures of `experiments.studies.estimation.study.figures`."""
     with tempfile.TemporaryDirectory() as cache:
         done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], workers)
     return figures(pd.DataFrame([row_of(one) for one in done]))

@@ -1,12 +1,12 @@
-"""Accuracy of mark detection in synthetic frames with known truth, in good light and in all simulated rooms.
+"""Accuracy of mark detection in synthetic frames with known truth, in good light and with all simulated disturbances.
 
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
-Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; expected
-positions have an error of 3 px on each axis. A mark is visible if more than half of it is; a detection with its name is
-false if it is farther from the mark's centre than the mark's radius. study/marks.json has the figures of
-docs/marks-study.md, study/marks.csv a row for each mark in each frame.
+Camera, lamps, surface and motion differ from run to run (`vision.synthetic_run`). The hue is learned from one click;
+expected positions of marks have an error of 3 px on each axis. A mark counts as visible if more than half of it is
+visible. A detection is false if it is farther from the centre of the mark with its name than the mark's radius.
+study/marks.json has the figures of docs/marks-study.md; study/marks.csv has a row for each mark in each frame.
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
 """First seed of the study; smaller seeds were used for choices."""
 VISIBLE = 0.5
-"""Least visible share of a mark with which it counts as visible."""
+"""Share of a mark above which it counts as visible."""
 FAR_PX = 4.0
-"""Distance from the true position above which a mark counts as far [px]; its error is not excluded."""
+"""Distance from the true position above which a mark counts as far [px]; its error still enters the rms error."""
 PREDICTED_SD_PX = 3.0
-"""Error of a mark's predicted position on each axis [px]; the tissue filter's is less at a millimetre per pixel."""
+"""Error of a mark's expected position on each axis [px]; the tissue filter's error is less at 1 mm per pixel."""
 
 
 def run(case: Case) -> list[dict[str, object]]:
-    """A row for each mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether named right."""
+    """Detect the marks in a run. A row for each mark and frame has the error [px] and its variances [px²]."""
     frames = iter(synthetic_run(case["seed"], case["n_frames"], case["level"]))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
@@ -110,7 +110,7 @@ def run(case: Case) -> list[dict[str, object]]:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
-    """Figures of the rows of one level."""
+    """Figures of the rows of one of `LEVELS`."""
     visible = rows[rows.visible > VISIBLE]
     seen = visible[visible.found.astype(bool)]
     right = seen[~seen.false.astype(bool)]
@@ -132,10 +132,10 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
-    """Two marks of one hue that cross each other, touching or overlapping, at 2 px per frame or more.
+    """Follow two marks of one hue that touch or overlap while they cross, at 2 px per frame or more.
 
-    Returns the frames lost, and all frames. A filter of constant velocity predicts each mark; after the first frame in
-    which they are apart again, a frame is lost if a mark has the other's position.
+    A filter with constant velocity predicts each mark. Returns how often a mark was found nearer to the other mark's
+    true position while the marks did not touch, and the number of frames.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
@@ -163,13 +163,13 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
 
 
 def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
-    """Figures of lost identities in this many crossings."""
+    """Sums over n_runs runs of `crossing`: frames, exchanged marks, and runs with an exchange."""
     lost, frames = np.array(runs_of(crossing, range(n_runs), workers)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
 
 
 def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
-    """Run both levels, once for each seed; write marks.csv and marks.json in the folder, runs in `runs` there."""
+    """Run both levels with each seed; write marks.csv, marks.json and the folder `runs` to the folder `out`."""
     cases = grid(level=LEVELS, seed=seeds, n_frames=[n_frames])
     table = kept_runs(run, cases, out / "runs", workers)
     table = table.drop(columns=["n_frames", *OWN])

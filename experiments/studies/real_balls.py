@@ -37,12 +37,13 @@ u_seen, v_seen: whether both sides of the ball that determine the coordinate wer
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """A film and one position in it that shows the ball.
+    """A film of a ball, and how to find and follow the ball.
 
-    path: path in the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: the ball's radius there
-    jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
+    path: path in the folder of real pictures
+    click: frame, u and v of a position on the ball [px]; radius_px: the ball's radius in this frame
+    jolt_px: amplitude density of the ball's white acceleration in the picture [px/s²/sqrt(Hz)]
     focal_px: focal length of the camera, typical for telephones
-    size_sd, follow_size: relative sd of the ball's size; share of the size error that a new detection corrects
+    size_sd: relative sd of the ball's size; follow_size: share of the size error that a new detection corrects
     """
 
     path: str
@@ -73,9 +74,10 @@ class PxFollower:
     """Tracker of marks in the picture, frame by frame, without a model of their body.
 
     hues: colour range of each mark, by its name
-    jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
+    jolt_px: amplitude density of a mark's white acceleration in the picture [px/s²/sqrt(Hz)]
     starts_px: positions of marks in the first frame, each (2,), with sd START_SD_PX; other marks may be anywhere
-    State: a filter for each visible mark; number of frames without each; the time.
+    State: a filter for each mark that is followed; for each mark, the number of frames since its last detection; the
+    time of the last frame.
     """
 
     def __init__(
@@ -132,7 +134,7 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
-    """Matrix, (2, 2), that widens a ball's image at an offset from mid-picture, (2,), by 1 / cos of the angle."""
+    """Matrix, (2, 2), that stretches a ball's image as perspective does; offset_px: from the picture's centre, (2,)."""
     length = float(np.hypot(*offset_px))
     if length == 0.0:
         return np.eye(2)
@@ -140,7 +142,7 @@ def stretched(offset_px: Floats, focal_px: float) -> Floats:
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:
-    """A row for each frame: time, whether and where the ball is found, covariance, occlusion, radius."""
+    """Track the ball in a film. A row for each frame: time, position, covariance, occlusion and radius of the ball."""
     with VideoFileFrames(path) as frames:
         clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
@@ -170,7 +172,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
 
 
 def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
-    """Distance of the detected ball from its label [px], along u and v, if both sides are visible along that axis."""
+    """Errors of the detected ball [px]. A coordinate is used if the ball is visible on both sides along it."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
@@ -190,7 +192,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """The figures of `against_labels` for the only mark in a track of a labelled film."""
+    """The figures of `against_labels` for a track of a labelled film with one mark."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):

@@ -1,4 +1,4 @@
-"""A filmed red ball on a cord: a test of the covariance on real data.
+"""A filmed red ball on a cord: a test of the filter's covariance on real data.
 
 The film is `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f (MIT): 334 frames, 360x640, 29.9 frames/s. A
 hand releases the ball; it swings, hits a wall just before its lowest point, and finally leans on it. The model has one
@@ -9,10 +9,11 @@ anchor, one mass and one stiff spring; the wall is not in it and acts as an unkn
 The command makes DIR/recording for `softaim track`, and tracks it. Then it withholds the mark for 0.3 s at a time, and
 compares prediction and measurement: DIR/report.json, DIR/withheld.png. Latest figures: docs/real-film.md.
 
-The plane of the swing is turned about the vertical from the picture's plane, so that the ball's circle looks like an
-oval; the turn is the only unknown in that plane's homography. The scale follows from gravity and the period: between
-two strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 c theta' with damping c; the w that fits all
-flights gives the cord's length 9.81 / w².
+The ball swings in a plane that forms an angle with the picture's plane, so that its circular path looks like an oval.
+This angle, about the vertical, is the only unknown of the plane's homography. The scale follows from gravity and the
+frequency w of the swing. Between two impacts on the wall the ball swings freely, with an angle theta that obeys
+theta'' = -w² sin(theta - theta_0) - 2 c theta', where c is the damping. One w is fitted to these free flights; the
+cord's length is 9.81 / w².
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ HUE_DEG = 15.7  # learned by `vision.learn_hue` from the ball's centre in frame 
 MASS_KG = 0.05  # chosen: positions do not depend on it, forces are stated per mass
 STIFFNESS_N_M = 60.0  # chosen: the swing leaves the plane, and the cord's length in the picture varies by 5 mm
 DAMPING_N_S_M = 0.5  # chosen
-CALIBRATION_SD_PX = 0.5  # chosen from labels: with it marks have an error of 0.70 px predicted, 0.61 px observed
+CALIBRATION_SD_PX = 0.5  # chosen with labels: predicted error of marks 0.70 px, observed 0.61 px
 WITHHELD_S, EVERY_S, OFFSETS_S = 0.3, 1.0, (0.25, 0.5, 0.75, 1.0)
 SHORTEST_FLIGHT = 8  # frames
 BALL, HOOK = "ball", "hook"
@@ -65,11 +66,12 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Plane of the swing in the camera; its unit is the pixel at the hook's distance, its origin the hook.
+    """Plane in which the ball swings. Its origin is the hook; its unit is the length that one pixel shows there.
 
-    narrowing: cosine of its angle to the picture's plane; nearing: relative increase of distance per unit to the right;
+    narrowing: cosine of the angle between this plane and the picture's plane
+    nearing: relative increase of the distance from the camera per unit to the right
     center_px: intersection of the optical axis with the picture, (2,)
-    radius_px: length of the cord [units]
+    radius_px: length of the cord in units of the plane
     """
 
     narrowing: float
@@ -84,7 +86,7 @@ class Plane:
         return unit @ np.diag([units_per_m, units_per_m, 1.0])
 
     def seen(self, angles: Floats) -> Floats:
-        """Positions of the ball in the picture [px], (n, 2), at these angles from the vertical [rad], (n,)."""
+        """Positions of the ball in the picture [px], (n, 2), for angles of the cord from the vertical [rad], (n,)."""
         places = self.radius_px * np.stack(
             [np.sin(angles), -np.cos(angles), np.full(len(angles), 1.0 / self.radius_px)]
         )
@@ -94,9 +96,9 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """Fit of the free flights: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
+    """The fitted pendulum: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
 
-    rms_px: residual of the flights' fit; strikes: frames in which the ball hits the wall
+    rms_px: rms residual of the fit [px]; strikes: frames in which the ball hits the wall
     """
 
     frequency: float
@@ -113,7 +115,7 @@ class Swing:
 
     @property
     def mm_per_px(self) -> float:
-        """Height of a pixel at the hook's distance [mm]."""
+        """Height that one pixel shows at the hook's distance [mm]."""
         return 1e3 * self.length_m / self.plane.radius_px
 
 
@@ -126,7 +128,7 @@ def seen_centers(film: Path) -> tuple[Floats, Floats]:
 
 
 def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], n_flights: int = 10) -> Swing:
-    """The pendulum, and the rotation of its plane, fitted to the ball's positions in the first flights."""
+    """Fit the pendulum and the angle of its plane to the ball's positions in the first n_flights free flights."""
     center_px = (np.array(size_px) - 1.0) / 2.0
     strikes = _strikes(centers_px[:, 0])
     ends = pairwise([FIRST_FREE, *strikes])
@@ -161,7 +163,7 @@ def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float
 
 
 def _strikes(u: Floats) -> list[int]:
-    """Frames in which the ball, moving to the right, reverses within a frame interval."""
+    """Frames in which the ball hits the wall: it moves to the right before, and to the left after the frame."""
     return [
         k
         for k in range(FIRST_FREE, len(u) - 4)
@@ -170,7 +172,7 @@ def _strikes(u: Floats) -> list[int]:
 
 
 def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
-    """One anchor at the origin, one mass, one stiff spring; the rest angle is a tilt of gravity in the picture."""
+    """Scene with one anchor at the origin, one mass and one stiff spring. Gravity is tilted by the rest angle."""
     down = np.array([np.sin(swing.rest_angle), -np.cos(swing.rest_angle)])
     network = build_network(
         [HOOK, BALL],
@@ -191,7 +193,7 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
 
 
 def write_recording(film: Path, folder: Path) -> Swing:
-    """Convert the film to a recording in an existing folder; returns the swing from which its scale follows."""
+    """Convert the film to a recording in an existing folder; returns the fitted pendulum, which gives the scale."""
     with vision.VideoFileFrames(film) as frames:
         height, width = next(iter(frames)).image.shape[:2]
     times, centers = seen_centers(film)
@@ -203,13 +205,13 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Frames in which the mark is withheld from the filter: 0.3 s in each second, from offset_s on."""
+    """Whether the mark is withheld in each frame, (n,): for 0.3 s in each second, from the time offset_s [s] on."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 
 
 def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
-    """Write a recording of the found marks without the withheld marks; returns whether each frame is withheld."""
+    """Write a recording of the found marks, except in withheld frames; returns whether each frame is withheld."""
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
@@ -225,7 +227,7 @@ def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.boo
 
 
 def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[str, dict[str, float]], list[Track]]:
-    """Withhold the mark at each offset; returns figures of all withheld frames by kind, and the tracks."""
+    """Track once for each of `OFFSETS_S`; returns figures of withheld frames by the ball's state, and the tracks."""
     places = np.array([step.marks[0].position for step in seen.steps])
     mark_covs = np.array([step.marks[0].cov for step in seen.steps])
     errors, covs, kinds, runs = [], [], [], []
@@ -245,7 +247,7 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
 
 
 def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
-    """State of the ball: held by the hand, free since its last mark, after a strike, or leaning on the wall."""
+    """State of the ball: held; flying since the mark was withheld; after an impact since then; or leaning."""
     first = frame - int(np.argmin(hidden[frame::-1]))
     if frame <= FIRST_FREE:
         return "held"
@@ -271,7 +273,7 @@ def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str,
 
 @styled
 def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
-    """The filter's estimates of the withheld ball, with 2-sigma ellipses, against measurements, over the film."""
+    """Pictures of the film with measured positions of the withheld ball, estimates, and 2-sigma ellipses."""
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
@@ -296,7 +298,7 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
 
 
 def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
-    """Write all output of this study to the folder `out`; returns the figures of report.json. Raises InputError."""
+    """Write the study's output to the folder `out`; returns the figures of report.json. Raises InputError."""
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")

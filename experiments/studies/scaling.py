@@ -1,8 +1,8 @@
 """Cost of an estimate for meshes of different size: breasts of 1,000 to 14,000 nodes with 40 marks.
 
-One row per mesh: `nodes`, `elements`, `marks`; `prepare_s`: time from the mesh to the first frame; `cached_s`: the same
-time if the continuum is read from disk; `ms_per_estimate`: median time of an estimate while the body bends;
-`memory_mb`: peak memory of the process. Each mesh has a separate process.
+Each mesh is measured in a separate process and gives a row.
+prepare_s: time from the mesh to the first estimate; cached_s: the same with a continuum that is read from a file
+ms_per_estimate: median time of an estimate while the body bends; memory_mb: peak memory of the process
 
     python -m experiments.studies.scaling      # writes the table of docs/meshes.md and docs/images/scaling.png
 """
@@ -98,7 +98,7 @@ def _frame(tissue: TissueFilter, k: int) -> Callable[[], None]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The table of docs/meshes.md."""
+    """The table of docs/meshes.md as text."""
     cells = [
         (f"{one['nodes']:,}", f"{one['ms_per_estimate']:.0f}", f"{one['prepare_s']:.1f}", f"{one['memory_mb']:.0f}")
         for one in rows
@@ -108,7 +108,7 @@ def table(rows: Sequence[Row]) -> str:
 
 @styled
 def picture(rows: Sequence[Row]) -> Figure:
-    """Time per estimate over the number of nodes."""
+    """Plot of the time per estimate over the number of nodes."""
     figure = new_figure(COLUMN_MM, 45.0)
     ax = figure.subplots()
     nodes = [one["nodes"] for one in rows]

@@ -1,1 +1,1 @@
-"""Assessment: demonstration, benchmark, sweeps and faults. A file for each subcommand."""
+"""Subcommands for assessment: demonstration, benchmark, sweeps and faults."""

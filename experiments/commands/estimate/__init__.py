@@ -1,4 +1,1 @@
-"""From marks to the target: tracking recordings and live sources, identifying constants and noise levels.
-
-A file for each subcommand.
-"""
+"""Subcommands that estimate the target, or the constants and noise levels of the model."""

@@ -35,10 +35,10 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop after this time [s]; opening a camera does not count."),
+        typer.Option("--duration", min=0.0, help="Stop this time [s] after the camera opens."),
     ] = None,
     fps: Fps = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; adds advice.")] = None,
+    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; switches advice on.")] = None,
     film: WithFilm = False,
     record: Annotated[bool, typer.Option("--record", help="Record all frames, for `softaim replay`.")] = False,
     page: Annotated[
@@ -57,7 +57,7 @@ def live(
     from experiments.servers.opening import served
     from experiments.simulation.phantom_process import PHANTOM, PhantomProcess
 
-    # Both processes import modules while this one does
+    # the processes of server and phantom import their modules while this process imports its own
     link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
     sources = source or [PHANTOM]
     phantom = PhantomProcess(fps=fps) if sources == [PHANTOM] else None

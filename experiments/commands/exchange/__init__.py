@@ -1,1 +1,1 @@
-"""Exchange with other programs: exporting recordings, importing tables of trackers. A file for each subcommand."""
+"""Subcommands for exchange with other programs: export of recordings, import of tables."""

@@ -28,7 +28,8 @@ def export(
     start: Annotated[
         str | None,
         typer.Option(
-            "--start", help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded time since 1970."
+            "--start",
+            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded time since 1970.",
         ),
     ] = None,
     scene: SceneFile = None,

@@ -1,1 +1,1 @@
-"""From the target to the needle: advice, planning, closed-loop insertion. A file for each subcommand."""
+"""Subcommands for the needle: advice, planning, and simulated insertion."""

@@ -26,7 +26,7 @@ def insert(
     ] = None,
     radius_mm: Annotated[
         float | None,
-        typer.Option("--radius-mm", help="Radius of the lesion [mm]; default: the needle file's, the scene's, or 5."),
+        typer.Option("--radius-mm", help="Radius of the lesion [mm]; default: from needle file or scene, else 5."),
     ] = None,
     advice: Annotated[
         bool,

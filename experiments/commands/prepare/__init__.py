@@ -1,4 +1,1 @@
-"""Preparation: making projects, simulating or filming recordings, calibrating cameras, learning hues.
-
-A file for each subcommand.
-"""
+"""Subcommands for preparation: projects, simulations, recordings, calibration and registration, hues."""

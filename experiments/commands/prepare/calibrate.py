@@ -14,7 +14,7 @@ from experiments.commands.run import Answer, Run
 
 def calibrate(
     run: Run,
-    board: Annotated[str, typer.Option("--board", help="Inner corners per side, such as 9x6; for ChArUco: squares.")],
+    board: Annotated[str, typer.Option("--board", help="Inner corners per side (ChArUco: squares), such as 9x6.")],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,

@@ -23,7 +23,7 @@ def check(
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Mark SD per axis [mm]; default: from recording or camera."),
+        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Mark SD per axis [mm]; default: recording's or camera's."),
     ] = None,
     vector: Vector = None,
     force: Force = False,

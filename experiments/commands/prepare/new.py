@@ -51,9 +51,7 @@ def new(
         str | None,
         typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
-    driven: Annotated[
-        bool, typer.Option("--driven", help="With --mesh: the wall, which --fixed selects, moves.")
-    ] = False,
+    driven: Annotated[bool, typer.Option("--driven", help="With --fixed: these nodes are a moving wall.")] = False,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
@@ -67,11 +65,11 @@ def new(
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: field of gland shares (0 to 1), or of labels for --region."),
+        typer.Option("--field", help="With --mesh: field with gland shares (0 to 1), or with labels for --region."),
     ] = None,
     region: Annotated[
         list[str] | None,
-        typer.Option("--region", help="With --mesh, LABEL=TISSUE (repeat): fat, gland, fibrous, skin, fascia, muscle."),
+        typer.Option("--region", help="With --mesh: LABEL=TISSUE (repeat); fat, gland, fibrous, skin, fascia, muscle."),
     ] = None,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's random deviations from the scene.")

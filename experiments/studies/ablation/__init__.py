@@ -1,1 +1,1 @@
-"""Ablation study: benefit of each mechanism of the filter, from runs without the mechanism; command: see `__main__`."""
+"""Ablation study: benefit of each mechanism of the filter, from runs without it; `__main__` has the command."""

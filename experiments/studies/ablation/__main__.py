@@ -33,13 +33,13 @@ HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodie
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""Figures of a run; a mechanism has an effect on a run if any of them changes without it."""
+"""Figures of a run; a mechanism changes a run if any of these figures differs without the mechanism."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Figures of the filter without the mechanism `off` on the recording of a case.
 
-    error_m: mean over hidden points and frames; covered: share of truths in the 95 % region; nees: NEES per dimension
+    error_m: mean error of hidden points in all frames; covered: coverage of the 95 % region; nees: NEES per dimension
     lost: number of frames that are not TRACKING; failed: why the run ended early, if it did
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
@@ -53,12 +53,13 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each mechanism: the change of errors and coverage when the mechanism is turned off.
+    """A row for each mechanism: the change of errors and coverage without the mechanism.
 
-    error: mean error relative to that of the whole filter, geometric mean over bodies [1]
-    covered: change of coverage in percentage points, mean over bodies; only bodies with a change count for both means
-    changed, bodies: numbers of bodies with a change, and of all; failed: number of runs that ended early
-    most, least: largest error ratio of a body, and least change of coverage, each with the body's name
+    error: ratio of the mean errors without the mechanism and with it, geometric mean over bodies [1]
+    covered: change of coverage in percentage points, mean over bodies. Both means omit bodies without a change, unless
+    no body has a change.
+    changed, bodies: number of bodies with a change, and of all bodies; failed: number of runs that ended early
+    most: largest error ratio of a body, and this body; least: lowest change of coverage of a body, and this body
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []
@@ -97,7 +98,7 @@ def _shown(row: Any) -> tuple[str, ...]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the runs that the folder lacks, and write the table."""
+    """Do the missing runs of the folder, and write the table."""
     parser = study_options(__doc__, page="ablation.md")
     parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")

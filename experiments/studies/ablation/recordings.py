@@ -51,7 +51,7 @@ class Recording:
 
 
 def _zoo(name: str, constants: str, seconds: float, first: int = 0) -> Callable[[int], Recording]:
-    """Function from a seed to a recording of a body of the zoo, from the frame with the number `first` on."""
+    """Function that returns the recording of a body of the zoo for a seed; first: number of the first frame."""
 
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
@@ -111,10 +111,10 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
 """Functions that create a recording from a seed, by the name of the body."""
 
 LUNG = "lung"
-"""Name of the body from the folder of landmarks; its recording does not depend on the seed."""
+"""Name of the body from the folder of landmarks; its recording is the same for all seeds."""
 
 
 @lru_cache(maxsize=1)
 def recording(body: str, seed: int, lungs: str) -> Recording:
-    """The recording of a body; consecutive runs share it; body: `LUNG` or one of `BODIES`."""
+    """The recording of a body, cached for the next call; body: `LUNG` or one of `BODIES`; lungs: folder."""
     return lung(Path(lungs)) if body == LUNG else BODIES[body](seed)

@@ -1,4 +1,4 @@
-"""Mechanisms of the filter, the code of each, and arguments or replacements that turn each off."""
+"""Mechanisms of the filter, and for each mechanism its code and how to turn it off."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Switch:
     Attributes
     ----------
     code : str
-        Code of the mechanism: names of functions and classes in `estimators.core`, and number of its other lines.
+        Code of the mechanism: names of its functions and classes in `estimators.core`, and number of further lines.
     disturbances, discrepancy, settings : mapping
-        Fields of these arguments of the filter that turn the mechanism off.
+        Values of fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
     knows_constants : bool
         Whether the filter considers the uncertainty of constants.
     patches : mapping
-        Replacements of attributes in `estimators.core`, for mechanisms that no argument turns off.
+        Replacements of attributes in `estimators.core`, if no argument turns the mechanism off.
     """
 
     code: str
@@ -53,7 +53,7 @@ class Switch:
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
     def filter(self, given: Recording) -> TissueFilter:
-        """The filter for a recording, without the mechanism; call this and the filter's methods within `patched`."""
+        """The filter for a recording without the mechanism. Use it only in the context `patched`."""
         settings = replace(given.settings, **self.settings)
         return TissueFilter(
             given.network,

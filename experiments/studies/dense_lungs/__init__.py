@@ -1,1 +1,1 @@
-"""Study of breathing lungs with dense landmarks: deep landmarks are estimated from marks near the hull."""
+"""Study of breathing lungs with dense landmarks: deep landmarks are estimated from marks near the surface."""

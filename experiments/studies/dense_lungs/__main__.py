@@ -1,10 +1,10 @@
-"""Dense landmarks of breathing lungs: deep landmarks are estimated from marks near the hull.
+"""Dense landmarks of breathing lungs: deep landmarks are estimated from marks near the surface.
 
     python -m experiments.studies.dense_lungs FOLDER --out DIR    # --page writes the table to docs/zoo.md
 
-FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling (0)
-and of exhaling (1). The page uses data of [fu2019], which are not part of the repository. DIR gets summary.json,
-rows.csv and table.md. Latest figures: docs/zoo.md.
+FOLDER has a table for each person with the columns `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: first positions at
+the end of inhaling, then positions at the end of exhaling. The page uses data of [fu2019], which are not part of the
+repository. DIR gets summary.json, rows.csv and table.md. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from experiments.studies.grid import command, grid, publish, runs_of, study_opti
 
 
 def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
-    """Result of all methods; job: the lung, the place of its marks (see `WHERE`), their number, the constants."""
+    """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants."""
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)
     truth = lung.exhaled[lung.hidden]
@@ -49,7 +49,7 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the results of a folder of tables; returns 1 if a method failed."""
+    """Run the study on a folder of tables, and write the results; returns 1 if a method failed."""
     parser = study_options(__doc__, out=False, page="zoo.md")
     parser.add_argument("folder", type=Path, help="folder of landmark tables, one for each person")
     parser.add_argument("--out", type=Path, required=True, help="output folder, new or empty")

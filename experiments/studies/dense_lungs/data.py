@@ -1,4 +1,4 @@
-"""Dense landmarks of lungs at two times, from a table for each person, divided into marks and hidden landmarks."""
+"""Dense landmarks of lungs at two times, read from a table for each person."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ WHERE = ("all", "front")
 """Places of marks: all around the lung, or only where y is above the median."""
 
 NEAR, DEEP = 0.03, 0.075
-"""Largest depth of marks below the hull, and least depth of hidden landmarks, relative to the lung's longest extent
-[1]; choice."""
+"""Largest depth of marks and least depth of hidden landmarks below the convex hull, relative to the lung's longest
+extent [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lung:
     """One lung: landmarks at the end of inhaling and of exhaling [m], (n, 3) each.
 
-    depth: depth below the convex hull at the end of inhaling, relative to the lung's longest extent [1], (n,)
+    depth: depth of each landmark below the convex hull, relative to the lung's longest extent [1], (n,)
     """
 
     name: str
@@ -43,7 +43,7 @@ class Lung:
         return np.flatnonzero(self.depth > DEEP)
 
     def marks(self, n: int, where: str) -> NDArray[np.int64]:
-        """Indices of at most n landmarks near the hull that are far from each other; where: a place in `WHERE`."""
+        """Indices of at most n landmarks near the hull that are far from each other; where: one of `WHERE`."""
         near = self.depth <= NEAR
         if where == "front":
             near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])
@@ -52,7 +52,7 @@ class Lung:
 
 
 def read_lungs(folder: Path) -> list[Lung]:
-    """Both lungs of each table in a folder, in the order of the names; raises InputError."""
+    """Both lungs of each table in a folder, in the order of file names. Raises InputError."""
     paths = sorted(folder.glob("*.csv"))
     if not paths:
         found = "none" if folder.is_dir() else "no folder"
@@ -61,7 +61,7 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, divided at the widest gap along x at the end of inhaling; raises InputError."""
+    """The two lungs of a table; the widest gap along x separates them. Raises InputError."""
     table = read_table(path, COLUMNS)
     if table.n_rows < 2:
         raise InputError.at(path, "rows of two lungs", f"{table.n_rows}")

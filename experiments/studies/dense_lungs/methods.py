@@ -1,4 +1,4 @@
-"""Methods that estimate a lung's hidden landmarks from its marks: the filter, interpolating fields, the open loop."""
+"""Methods that estimate a lung's hidden landmarks from marks: filter, interpolation, and the paper's open loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from experiments.studies.lungs.model import LungConstants, lung_network, node_na
 from experiments.studies.zoo.references import thin_plate_weights
 
 OTHERS = 60
-"""Number of other nodes of a network: landmarks that are far from the marks and from each other; numerical."""
+"""Number of nodes of a network besides the marks: landmarks far from the marks and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
 """Forces of a breath: smooth over the lung, without pokes of single marks; choice: a strength of 1 % of gravity."""
@@ -38,7 +38,7 @@ FIELD_M = 0.06
 """Correlation length of the Matern field [m]; choice."""
 
 LEVELS_M = np.geomspace(0.2e-3, 50e-3, 25)
-"""Standard deviations of the Matern field, of which the marginal likelihood selects one [m]; numerical."""
+"""Candidates for the standard deviation of the Matern field [m]; the marginal likelihood selects one; numerical."""
 
 LARGE_M = 1.0
 """Standard deviation of the Matern field's trend at 0.1 m from the centre of the marks [m]; numerical."""
@@ -49,7 +49,7 @@ class DenseConstants:
     """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a landmark's position on each axis [m]: a mean distance of 1 mm between readers, divided by 1.6
+    scatter_m: sd of a landmark's position on each axis [m]; the mean distance of 1 mm between readers is 1.6 sd
     disturbances, discrepancy: priors of the filter
     """
 
@@ -61,7 +61,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods: a lung, the indices of its marks, (n_marks,), and constants. Positions are (n, 3) [m]."""
+    """Input of all methods. marks: indices of the marks among the lung's landmarks, (n_marks,)."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -69,21 +69,21 @@ class Task:
 
     @property
     def before(self) -> Floats:
-        """Positions of the marks at the end of inhaling [m]."""
+        """Positions of the marks at the end of inhaling [m], (n_marks, 3)."""
         return self.lung.inhaled[self.marks]
 
     @property
     def after(self) -> Floats:
-        """Positions of the marks at the end of exhaling [m]."""
+        """Positions of the marks at the end of exhaling [m], (n_marks, 3)."""
         return self.lung.exhaled[self.marks]
 
     @property
     def wanted(self) -> Floats:
-        """Positions of the hidden landmarks at the end of inhaling [m]."""
+        """Positions of the hidden landmarks at the end of inhaling [m], (n_hidden, 3)."""
         return self.lung.inhaled[self.lung.hidden]
 
     def frames(self) -> Frames:
-        """Both frames, with marks on the first nodes of the network."""
+        """The frames at the end of inhaling and of exhaling; node k of the network has mark k."""
         names = [node_name(k) for k in range(len(self.marks))]
         return frames_of(FRAMES_S, [self.before, self.after], names, self.constants.scatter_m)
 
@@ -98,9 +98,9 @@ class Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A coarse network of a lung, whose first nodes are the marks; four nodes interpolate each hidden landmark.
+    """A coarse network of a lung. Its first nodes are the marks; four nodes interpolate each hidden landmark.
 
-    corners, weights: the four nodes of each hidden landmark and their weights, (n, 4)
+    corners, weights: indices and weights of the four nodes of each hidden landmark, (n, 4)
     """
 
     network: MassSpringNetwork
@@ -109,7 +109,7 @@ class Body:
 
     @classmethod
     def of(cls, task: Task) -> Body:
-        """Network of the marks and `OTHERS` more landmarks."""
+        """Network with the marks and `OTHERS` further landmarks as nodes."""
         points = task.lung.inhaled
         nodes = points[far_apart(points, len(task.marks) + OTHERS, task.marks)]
         mesh = Delaunay(nodes)
@@ -124,18 +124,18 @@ class Body:
         return cls(lung_network(nodes, task.constants.body), mesh.simplices[cells], weights)
 
     def point(self, k: int) -> TargetPoint:
-        """A hidden landmark as a point between its four nodes."""
+        """Hidden landmark k as a point between four nodes."""
         return TargetPoint(tuple(node_name(int(i)) for i in self.corners[k]), tuple(self.weights[k]))
 
     def rows(self) -> Floats:
-        """Matrix from the positions of the nodes to those of all hidden landmarks, (n, n_nodes)."""
+        """Matrix from positions of nodes to positions of hidden landmarks, (n_hidden, n_nodes)."""
         found = np.zeros((len(self.corners), self.network.n_nodes))
         np.put_along_axis(found, self.corners, self.weights, axis=1)
         return found
 
 
 def by_filter(task: Task) -> Found:
-    """Estimate by `TissueFilter`, whose target is the hidden landmark that is farthest from all marks."""
+    """Estimate by `TissueFilter`; its target is the hidden landmark farthest from all marks."""
     body = Body.of(task)
     away = np.linalg.norm(task.wanted[:, None] - task.before, axis=2).min(axis=1)
     frames = task.frames()
@@ -155,7 +155,7 @@ def by_filter(task: Task) -> Found:
 
 
 def by_open_loop(task: Task) -> Found:
-    """Estimate by the paper's method, on the same network: marks move in a straight line between the frames."""
+    """Estimate by the paper's method on the filter's network; marks move in straight lines between the frames."""
     body = Body.of(task)
     method = OpenLoop(body.network, body.point(0))
     for time_s, marks in task.frames():
@@ -164,18 +164,18 @@ def by_open_loop(task: Task) -> Found:
 
 
 def by_thin_plate(task: Task) -> Found:
-    """Estimate by a thin-plate spline of the displacement."""
+    """Estimate by a thin-plate spline through the displacements of the marks."""
     return Found(task.wanted + thin_plate_weights(task.before, task.wanted) @ (task.after - task.before))
 
 
 def by_linear(task: Task) -> Found:
-    """Estimate by a linear radial basis with affine trend."""
+    """Estimate by linear radial basis functions with an affine trend."""
     spline = RBFInterpolator(task.before, task.after - task.before, kernel="linear", degree=1)
     return Found(task.wanted + spline(task.wanted))
 
 
 def by_field(task: Task) -> Found:
-    """Estimate by a Matern field with affine trend, whose sd has the largest marginal likelihood."""
+    """Estimate by a Gaussian process with Matern covariance and affine trend; its sd maximises the likelihood."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before

@@ -1,4 +1,4 @@
-"""Table of the dense lungs: mean error and coverage of each method; a row for each place and number of marks."""
+"""Table of the dense lungs: mean error and coverage of each method for each place and number of marks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,11 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """Results for a lung with some marks, by method: errors [m], (n_hidden,), NEES (with a covariance), failures."""
+    """Results for a lung and a set of marks, by method.
+
+    errors: errors of hidden landmarks [m], (n_hidden,); nees: NEES of methods with a covariance, (n_hidden,)
+    failures: reasons of methods that failed
+    """
 
     lung: str
     where: str
@@ -41,7 +45,7 @@ class Run:
 
 
 def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """The rows of the table; by method: mean error `mae_mm`, `coverage95`, number of errors `n`; None: no value."""
+    """A row for each place and number of marks, with figures by method; missing figures are None."""
     rows = []
     for where in WHERE:
         for marks in COUNTS:
@@ -61,7 +65,7 @@ def _figures(runs: Sequence[Run], method: str) -> dict[str, Any]:
 
 
 def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One line for each row and method."""
+    """Table with a line for each row and method."""
     return pd.DataFrame(
         [
             {"where": row["where"], "marks": row["marks"], "method": name, **figures}

@@ -1,16 +1,16 @@
-"""Validity of the standard errors of identified constants: the table "Standard errors" of docs/identification.md.
+"""Test of the standard errors of identified constants: the table "Standard errors" of docs/identification.md.
 
     python -m experiments.studies.estimation.identification --out study             # 20 fits of each phantom
     python -m experiments.studies.estimation.identification --out study --runs 4 --first-seed 0
     python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
-A fit takes about 15 s on one core. Pull: error of a constant's logarithm divided by its standard error.
+A fit takes about 15 s on one core. A pull is the error of a constant's logarithm divided by its standard error.
 
-Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or one with
-five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz on
-every mass, Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The
-scene's constants have random errors with the standard deviations `PRIOR_SD`, which are also those of the prior. Each
-fit starts at the scene's constants only. Development seeds are 0 to 39, those of the page 1000 to 1019.
+Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or a phantom
+with five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz
+on every mass, Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`).
+The scene's constants have random errors; the prior of the fit has the same standard deviations, `PRIOR_SD`. Each fit
+has one start, the scene's constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PRIOR_SD: Mapping[str, float] = {
     "drag": 0.3,
     "friction": 0.3,
 }
-"""Relative standard deviations of the errors of the scene's constants, equal to those of the prior."""
+"""Relative standard deviations of the prior, and of the errors of the scene's constants."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
 
@@ -96,14 +96,14 @@ def five_mass_phantom() -> MassSpringNetwork:
 
 
 def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
-    """Network, marked nodes and target of the phantom `built-in` or `five-mass`."""
+    """Network, marked nodes and target of a phantom; name: `built-in` or `five-mass`."""
     if name == "built-in":
         return four_mass_phantom(), OUTER, HIDDEN
     return five_mass_phantom(), ("P1", "P2", "P3", "P4"), "T"
 
 
 def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> Frames:
-    """Frames with the marks of all free nodes."""
+    """Simulate pokes of these nodes; returns frames with noisy marks of all free nodes."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
@@ -121,7 +121,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """Do one fit; a row for each constant has the error and the standard error of its logarithm."""
+    """Do one fit. A row for each constant has the error of its logarithm, before the fit and after, and its sd."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
@@ -138,7 +138,7 @@ def identified(case: Case) -> list[dict[str, float | str]]:
 
 
 def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
-    """By phantom and kind of constant: mean and sd of pulls; rms of errors before and after, and of standard errors."""
+    """Figures by phantom and kind of constant: pulls, rms error before the fit and after, rms standard error."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()
@@ -149,7 +149,7 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
-    """The table of the page; values outside their bounds are bold."""
+    """The table of the page; a pull's mean or SD outside its bounds is bold."""
     heads = ["phantom", "constants", "fits", "pull: mean, SD", "error: before, after", "standard error"]
     rows = []
     for (name, kind), row in found.items():

@@ -1,13 +1,13 @@
-"""Accuracy and consistency of the filter in seeded runs on the phantom: the tables of docs/estimation-study.md.
+"""Accuracy and consistency of the filter in runs on the phantom: the tables of docs/estimation-study.md.
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
     python -m experiments.studies.estimation.study hard --runs 10 --out study
     python -m experiments.studies.estimation.study --out study --page      # rewrite the tables of the page, too
 
-The folder has the runs of each part in `runs` and the truths in `truth`; an interrupted study continues there. SciPy's
-RK45 computes the truth with friction and tremor. Pokes are half sines on one mass at a time (`poked`) or on all outer
-masses at once (`shoved`: 10 m/s², so that the target swings by 70 to 140 mm). The true tissue is always the phantom;
-only the model has wrong constants.
+The folder stores runs in `runs` and true motions in `truth`; an interrupted study continues there. SciPy's RK45
+computes the truth with friction and tremor. In the scenario `poked`, half-sine forces act on one mass at a time. In
+`shoved`, they act on all outer masses at once with 10 m/s², so that the target swings by 70 to 140 mm. The true tissue
+is always the phantom. Only the filter's model has wrong constants.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 
 SCENARIOS = ("quiet", "poked", "shoved")
 FAR_M = 0.04
-"""Least error of the hidden mass that counts as large [m]."""
+"""Error of the hidden mass above which it counts as large [m]."""
 
 UNREPORTED_S = 0.5
 """Time within which a filter must report a large error [s]."""
@@ -56,16 +56,16 @@ TREMOR = 0.05
 """Amplitude density of the white acceleration of each free node in the shipped scenarios [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""Number of a run's first counted frame, by section: each section of a run lasts to the run's end."""
+"""Sections of a run with figures of their own, each with the number of its first frame; all last to the run's end."""
 
 Row = dict[str, float | int]
 
 
 def row_of(outcome: Outcome) -> dict[str, Any]:
-    """The figures of one run: mean errors [mm], coverage, NEES, and whether the error was ever large.
+    """The figures of one run: mean errors [mm], coverage, mean NEES, and whether the error was ever large.
 
-    diverged: whether the error was above FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame
-    ever_far: whether it was above FAR_M in any frame
+    diverged: whether the error exceeded FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame
+    ever_far: whether the error exceeded FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M
     unreported = is_far & (np.array(outcome.status) == "TRACKING")
@@ -91,7 +91,7 @@ def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
 
 
 def figures(runs: pd.DataFrame) -> Row:
-    """Number of runs, mean error [mm], its ratio to the open loop's, coverage, NEES, runs with a large error."""
+    """Figures of several runs, see `row_of`; ratio: mean error of the filter divided by the open loop's."""
 
     def mean(column: str) -> float:
         return float(np.average(runs[column], weights=runs["frames"]))
@@ -108,7 +108,7 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def perturbed(seed: int, *, known: bool = False) -> Model:
-    """A model with random errors of constants, with sd `CONSTANT_SDS`; known: whether it states their uncertainty."""
+    """A model whose constants have random errors, `CONSTANT_SDS`; known: whether the model states this uncertainty."""
     network = four_mass_phantom()
     which = parameters(network)
     sds = np.array([CONSTANT_SDS[one.kind] for one in which])
@@ -124,7 +124,7 @@ def calibration(seed: int, cache: Path) -> Frames:
 
 
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Identify the constants of one wrong model from a recording, then track all scenarios; a row for each scenario."""
+    """Identify the constants of a wrong model, then track all scenarios with the result; a row for each scenario."""
     seed = case["seed"]
     model = perturbed(seed)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
@@ -149,7 +149,7 @@ def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Mean square error of the filter in a quiet run, and its posterior Cramér-Rao bound; a row for each section."""
+    """Mean square error in a run of `quiet`, and its posterior Cramér-Rao bound; a row for each of `SECTIONS`."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -170,7 +170,7 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def by_start(runs: pd.DataFrame) -> dict[str, Row]:
-    """RMSE over all runs, and its ratio to the posterior Cramér-Rao bound, by section."""
+    """RMSE over all runs, and its ratio to the posterior Cramér-Rao bound, for each of `SECTIONS`."""
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
         rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
@@ -179,7 +179,7 @@ def by_start(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def hard_trial(k: int) -> Trial:
-    """A hard run: random frame rate, noise and strength of pokes; three marks in ten are lost."""
+    """A run of the part `hard`: frame rate, noise and strength of pokes are random; three marks in ten are lost."""
     rng = np.random.default_rng([k, 3])
     return Trial(
         "poked" if k % 2 else "shoved",
@@ -193,12 +193,12 @@ def hard_trial(k: int) -> Trial:
 
 
 def hard_row(case: Case, cache: Path) -> dict[str, Any]:
-    """The figures of a hard run."""
+    """The figures of a run of the part `hard`."""
     return row_of(run(hard_trial(case["seed"]), Model(), cache))
 
 
 def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of runs in which the phantom stayed upright or turned over."""
+    """Figures of runs in which no spring turned over, and of runs in which a spring did, see `turned`."""
     parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
     return {label: figures(own) for label, own in parts.items() if len(own)}
 
@@ -226,8 +226,9 @@ HARD = {
 class Part:
     """One table of the page.
 
-    work: function that does a run; rows: function from all runs to rows by label; columns: the table's columns
-    axes: values of each key of the cases, except the seed; more: factor on the number of runs; first: first seed
+    work: function that does a run; rows: function that computes the table's rows, by label, from all runs
+    columns: heading and format string of each column; axes: values of the keys of a case, without the seed
+    more: factor on the number of runs; first: first seed
     """
 
     work: Callable[..., Any]

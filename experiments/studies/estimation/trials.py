@@ -1,6 +1,6 @@
-"""Seeded runs without pictures: a scenario's truth, noisy marks, and the errors of methods on these marks.
+"""Runs without pictures: a scenario's true motion, noisy marks, and the errors of methods on these marks.
 
-Truth is by SciPy's RK45 (`experiments.simulation.simulate`); it is stored in a folder, and many runs share it.
+SciPy's RK45 computes the truth (`experiments.simulation.simulate`); a folder stores it, because many runs use it.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for a model that equals the true phantom, with the small discrepancy level of such models."""
+"""Filter settings for a model that equals the true phantom: the model discrepancy is small."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One run: a shipped scenario with its own seed, pokes, camera, and shares of lost and misplaced marks.
+    """One run: a shipped scenario with changes.
 
+    mark_sd_m: noise of marks on each axis [m]; strength: factor on the pokes; lost: share of lost marks
     outliers: share of marks that are 30 to 150 mm from their true positions, in any direction
     """
 
@@ -65,7 +66,7 @@ class Outcome:
     """The result of a run.
 
     open_loop, filtered: errors of the hidden mass [m], (n_frames,); nees: the filter's NEES
-    turned: whether a true spring ever rotated by more than a right angle
+    turned: see the function `turned`
     """
 
     times_s: Floats
@@ -77,7 +78,7 @@ class Outcome:
 
 
 def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
-    """Frames of marks with these names and positions [m], (n_frames, n_names, dim); sd_m: their sd on each axis [m]."""
+    """Frames of marks with these names and positions [m], (n_frames, n_names, dim); sd_m: stated sd per axis [m]."""
     return [
         (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
         for time_s, at in zip(times_s, places, strict=True)
@@ -85,7 +86,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """True positions of the free nodes at KNOTS_PER_S [m], (n, n_free, dim), stored in the folder `cache`."""
+    """True positions of free nodes, sampled at KNOTS_PER_S [m], (n, n_free, dim). The folder `cache` stores them."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,
@@ -130,7 +131,7 @@ def passed(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
 
 
 def run(trial: Trial, model: Model, cache: Path) -> Outcome:
-    """Result of the paper's method and the filter on the same marks."""
+    """Run the paper's method and the filter on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
     open_loop = OpenLoop(model.network, HIDDEN)
@@ -149,7 +150,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether a spring between free nodes is ever turned by over 90 degrees; positions: [m], (n, n_free, dim)."""
+    """Whether a spring ever turns by over 90 degrees from its drawn direction; positions: [m], (n, n_free, dim)."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

@@ -1,1 +1,1 @@
-"""Behaviour of a live run during faults: `softaim faults`, and the list of docs/faults.md."""
+"""Study of live runs with faults, which `softaim faults` does and docs/faults.md describes."""

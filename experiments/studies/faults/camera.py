@@ -1,4 +1,4 @@
-"""Faults of the camera: of reading pictures, of their stated times, and of the pictures themselves."""
+"""Faults of the camera: of its reads, its timestamps and its pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """A fault during which only some reads return a picture; `keeps` selects them by their number since the onset."""
+    """A fault that drops reads: `keeps` states which reads remain, by their number since the onset."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
@@ -40,7 +40,7 @@ _blocked = _kept(lambda _k, _rng: False)
 
 
 def _frozen(n_pictures: int) -> Arrives:
-    """A fault during which a few pictures are repeated in turn."""
+    """A fault that repeats the last n_pictures pictures before the onset in turn."""
 
     def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
@@ -63,7 +63,7 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> 
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
-    """A fault of a device with its own times: during the fault, its clock has this error [s]."""
+    """A fault of a camera with timestamps: during the fault, the timestamps have the error fault_s [s]."""
     return lambda arrivals, rng, lasts_s: arrives(
         [
             replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))

@@ -24,14 +24,15 @@ ONSET_S = 4.0
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for detecting a fault that a single frame shows [s], or three frames if that is longer; a requirement."""
-HIDDEN_S = 2.0
-"""Time limit for detecting a fault that single frames do not show, or until the covariance covers its error [s]; a
+"""Time limit for the display of a fault that a single frame shows [s]; if three frames take longer, their time; a
 requirement."""
+HIDDEN_S = 2.0
+"""Time limit for a fault that single frames do not show [s]: until then, it must be displayed, or the covariance must
+cover its error; a requirement."""
 WRONG = 0.999
-"""Probability of an estimate's region: an estimate is wrong if the truth is outside and over `LEAST_M` away."""
+"""Probability of the region that must contain the truth, unless the error is at most `LEAST_M`: see `is_wrong`."""
 LEAST_M = 1e-3
-"""Least error that matters to a needle [m]; choice."""
+"""Error of the target up to which an estimate is not wrong [m]; choice: it does not matter to a needle."""
 STALE_S = 0.2
 """Age of a state above which it must not show GO [s]; a requirement."""
 STEADY_S = 0.5
@@ -40,13 +41,14 @@ STEADY_S = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """The display at one time [s] from the first exposure.
+    """What is displayed at one time [s] after the first exposure.
 
-    age_s: age of the newest frame that was used; status, advice: the displayed words; advice: None if there is none
-    why: the displayed reason, empty without one; reported: reports at that moment, empty without any
+    age_s: age of the newest frame that the estimate uses
+    status, advice, why: the displayed status, advice and reason. If none is displayed, advice is None, why is empty.
+    reported: the reports displayed at this time; empty if there are none
     sigma_m: standard deviation of the target
-    wrong: result of `is_wrong`; astray: whether the needle would miss
-    well: whether tracking was displayed without a fault
+    wrong: whether the estimate is wrong, see `is_wrong`; astray: whether the needle would miss the lesion
+    well: whether the status is TRACKING and no fault is displayed
     """
 
     time_s: float
@@ -62,7 +64,7 @@ class Moment:
 
     @property
     def faulty_go(self) -> bool:
-        """Whether a wrong GO was displayed."""
+        """Whether GO was displayed although the estimate was wrong or too old, or the needle would miss."""
         return self.advice == "GO" and (self.wrong or self.astray or self.age_s > STALE_S)
 
     @property
@@ -76,18 +78,18 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The result of a fault in one run.
+    """The result of a run with a fault.
 
-    noticed_ms: time of detection after the onset; None if the fault was never displayed
-    covered: whether no estimate was wrong from `within_s` until the fault was over and its end was detected
-    shown: the most frequently displayed words during the fault, or the reports if none were displayed
-    recovered_ms: time from the fault's end, or from its onset if it stays, to recovery; None without recovery
-    sigma_before_mm, sigma_most_mm: standard deviation of the target before, and the largest during the fault
-    go_shown_while_faulty: number of moments with GO on an estimate that was wrong or older than STALE_S, or for a
-        needle that would miss, from `within_s` after the onset on; go: number with GO, from the onset on
+    noticed_ms: time from the fault's onset until it is displayed; None if it is never displayed
+    covered: whether no estimate is wrong from `within_s` after the onset until recovery
+    shown: the words displayed most often during the fault; if no words are displayed, the first report
+    recovered_ms: time from the fault's end until recovery, for a fault that stays from its onset; None without recovery
+    sigma_before_mm, sigma_most_mm: median standard deviation of the target before the fault, and the largest during it
+    go_shown_while_faulty: number of moments with a wrong GO from `within_s` after the onset until recovery: the
+        estimate is wrong or older than STALE_S, or the needle would miss
+    go: number of moments with GO after the onset
     ended: how the process ended; empty if there was no process
-    lacks_s: time missing in tables or recording before its end, or before a full disk [s]; all of it if
-    they are unreadable, None if there are none
+    lacks_s: duration that is missing at the end of tables or recording [s], see `LiveRun.lacks_s`; None without tables
     """
 
     noticed_ms: float | None
@@ -107,8 +109,9 @@ class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
     name: its name in the table; what: a short description; lasts_s: duration from ONSET_S [s], inf if it stays
-    within_s: time limit for detecting it, or until the covariance covers its error [s]
-    alone: whether its run is in real time, so that no other run may share the machine
+    within_s: time limit after the onset [s]: until then, the fault must be displayed, or the covariance must cover its
+        error
+    alone: whether the fault needs a run in real time; no other run may then share the machine
     """
 
     name: str
@@ -119,7 +122,7 @@ class Fault(ABC):
 
     @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
-        """The fault's result in a run; folder: an existing folder for the run's output."""
+        """Run with this fault, and return its result; folder: an existing folder for the run's output."""
 
 
 @contextmanager
@@ -145,7 +148,7 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays."""
+    """The result of a run with these moments. lasts_s: the fault's duration from ONSET_S [s], inf if it stays."""
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]
@@ -168,7 +171,7 @@ def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The most frequent words, without numbers; the first report if no words were displayed."""
+    """The words displayed most often, compared without their numbers; if there are no words, the first report."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -178,7 +181,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Time from which all is well, after the end of the fault or, if it stays, after its detection [s]."""
+    """Time of recovery [s]: no fault is displayed and no estimate is wrong for STEADY_S from then on; None without."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -1,4 +1,4 @@
-"""Faults of a tracked needle, and of the filter itself."""
+"""Faults of a tracked needle and of the filter's state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INSIDE_M = 0.005
 BEND_RAD = np.deg2rad(90.0)
 """Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, at any breath."""
 BESIDE_M = 0.025
-"""Distance of a needle's line from the line on which it would get GO [m]."""
+"""Distance of a needle's line from the planned line, on which the advice would be GO [m]."""
 DENT_M, DENT_N = 0.005, 2.0
 """Depth by which a needle dents the skin without puncture [m], and its force [N]."""
 THROWN_M = 0.08
@@ -29,7 +29,7 @@ THROWN_M = 0.08
 
 
 def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """A needle at rest at this depth, shifted sideways, with its direction rotated about its tip."""
+    """Pose of a needle at rest at this depth, shifted sideways from the planned line and rotated about its tip."""
     along = plan.axis
     across = np.array([-along[1], along[0]])
     direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
@@ -46,14 +46,14 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Pose of a needle that presses on the skin beside its line, without GO, and is then retracted and aligned."""
+    """Pose of a needle that dents the skin at a distance from the planned line, and is then retracted to this line."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
 
 
 def _displaced(by_m: float) -> Callable[[Session], None]:
-    """A function that displaces all nodes by `by_m` [m] in the means of the filter's modes; covariances stay."""
+    """A function that adds `by_m` [m] to all positions in the filter's means, and leaves its covariances unchanged."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

@@ -1,4 +1,4 @@
-"""A live run on a simulated film in its own process, with its environment: terminal, disk, viewers."""
+"""A live run on a simulated film, in a separate process, with its terminal and its viewers."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ FRAME_S = 0.05
 STARTS_S = 60.0
 """Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the end of the film from which a run is not disturbed [s]."""
+"""Time before the end of the film in which a run is no longer interrupted [s]."""
 ENDS_S = 20.0
 """Timeout for a run to end after its film [s]."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
 )
-"""The program with Ctrl-C enabled, which a background process would otherwise ignore."""
+"""The program. It enables Ctrl-C, which a background process ignores by default."""
 GONE_S = 3.0
-"""Timeout for the run's other processes to end after it [s]."""
+"""Timeout for the run's other processes to end after its main process [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Film:
-    """A recording of a breathing phantom, with needle file, scene and truth."""
+    """A recording of a breathing phantom, its needle file, its scene, and its true motion."""
 
     folder: Path
     needle: Path
@@ -60,13 +60,13 @@ class Film:
 
     @property
     def ends_s(self) -> float:
-        """The time of its last frame [s]."""
+        """Time of the last frame [s]."""
         return float(self.motion.times_s[-1]) - FRAME_S
 
 
 @cache
 def _films() -> tempfile.TemporaryDirectory[str]:
-    """Folder of the films, until the process ends."""
+    """Temporary folder of the films; it is deleted when this process ends."""
     return tempfile.TemporaryDirectory(prefix="softaim-films-")
 
 
@@ -98,9 +98,9 @@ def filmed(seed: int, duration_s: int) -> Film:
 
 
 class Terminal:
-    """Reads the output of a process.
+    """Reads the output of a process in a thread.
 
-    State: the output so far; whether it is read; its source.
+    State: the text read so far; whether the thread reads at present; the file descriptors from which it reads.
     """
 
     def __init__(self, *sources: int) -> None:
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading, like a reader that has left."""
+        """Stop reading, and close the file descriptors."""
         self._closing = True
         self._thread.join()
 
@@ -136,12 +136,12 @@ class Terminal:
 
 @dataclass(slots=True, eq=False)
 class LiveRun:
-    """Process of `softaim live` on a film, recorded, with a needle, from `start` until it has ended.
+    """Process of `softaim live --record` on a film, with a needle.
 
-    folder: existing folder for its output; options: further options of the command; on_terminal: whether it runs in a
-    terminal, not with pipes; igtl_port: port of OpenIGTLink, 0 for none
-    State: from `start` on, the process and the readers of its output; when its page appears, the page's port, token and
-    viewer; other viewers; resources to release at the end.
+    folder: existing folder for the output; options: further options of the command
+    on_terminal: whether the output goes to a terminal, not to pipes; igtl_port: port of OpenIGTLink, 0 for none
+    State: the process and the reader of its output; port, token and viewer of its page, as soon as the page appears;
+    other viewers; resources to release at the end.
     """
 
     film: Film
@@ -158,7 +158,7 @@ class LiveRun:
     _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
-        """Enter the context, whose end stops the run and releases everything."""
+        """Enter the context. Its end kills the process and releases all resources."""
         return self
 
     def __exit__(
@@ -200,7 +200,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """The process's standard output and standard error, and the ends from which they are read."""
+        """File descriptors: the process's standard output and standard error, and those from which they are read."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -208,7 +208,7 @@ class LiveRun:
         return (to_out, to_err), [out, err]
 
     def watched(self, pause_s: float = 0.0) -> Viewer:
-        """Add another viewer."""
+        """Connect another viewer, which shows each state for pause_s [s]."""
         scene = self.film.scene
         target, n_measured = scene.network.index(scene.target.node), len(scene.measured_nodes)
         viewer = Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
@@ -216,7 +216,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """End the run by Ctrl-C, unless it ends by itself; returns the film's time [s], inf if it had ended before."""
+        """End the run by Ctrl-C, unless its film ends. Returns the film's time [s], inf if the run ended earlier."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -225,7 +225,7 @@ class LiveRun:
         return min(now_s, self.film.ends_s)
 
     def ended(self) -> str:
-        """Wait for the run's end; returns how it ended, as text."""
+        """Wait for the run's end; returns its exit code or its signal as text."""
         process = self.process
         try:
             code = process.wait(ENDS_S)
@@ -245,7 +245,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Time missing in tables or recording up to this time of the film [s]; all of it if they are unreadable."""
+        """Duration missing in tables or recording before the film's time until_s [s]; if unreadable, all of it."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -256,7 +256,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Times [s] of the last estimate, advice and picture, on the film's clock."""
+        """Times of the last stored estimates, advice and picture on the film's clock [s]."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

@@ -1,4 +1,4 @@
-"""Faults with a scripted clock: the whole loop of a live run on a simulated world with one fault."""
+"""Faults with a scripted clock: a live session on pictures of a simulated phantom, with one fault."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TrackedNeedle:
     """A tracked needle.
 
     pose: function from the time since the onset [s] and the planned insertion to the needle's true pose
-    push_N: force of the needle on the tissue along its axis while part of it is inside [N]
+    push_N: force on the tissue along the needle's axis while part of the needle is inside [N]
     seen: function from the time since the onset [s] to whether the tracker measures the needle
     """
 
@@ -93,16 +93,16 @@ class ScriptedFault(Fault):
     upsets: Callable[[Session], None] = lambda _session: None
 
     def acts(self, time_s: float) -> bool:
-        """Whether the fault acts at this time from the first exposure [s]."""
+        """Whether the fault acts at this time after the first exposure [s]."""
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
-        """The fault's result in a run; folder: an existing folder for the run's tables."""
+        """See `Fault.judged`; duration_s: duration of the run [s]."""
         return verdict(self, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):
-    """A `Publisher` that stores the displayed moments. State: the moments."""
+    """A `Publisher` that stores the displayed moments. State: the moments; the needle's true pose."""
 
     def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
         self._frames, self._motion, self._target = frames, motion, target
@@ -149,7 +149,7 @@ def misses(needle: NeedlePose, truth_m: Floats) -> bool:
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle close to the target: without a fault GO is displayed at any phase of the breath."""
+    """Plan of a needle so close to the target that, without a fault, GO is displayed at any phase of the breath."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

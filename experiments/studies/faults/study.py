@@ -34,7 +34,7 @@ NEVER = float("nan")
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """One fault with one seed, as a row of the study; NaN for values that do not exist."""
+    """Run one fault with one seed; returns a row of the study, with NaN for values that do not exist."""
     with quiet_folder() as folder:
         row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
     return {key: NEVER if value is None else value for key, value in row.items()}
@@ -49,10 +49,10 @@ def faults_study(
     *,
     force: bool = False,
 ) -> pd.DataFrame:
-    """A row for each fault over all seeds; runs are stored in the folder, where a study continues. Raises InputError.
+    """Run faults with all seeds; returns a row for each fault. Raises InputError.
 
-    Runs in real time are done first, one at a time.
-    force: whether the folder may also contain files that are not of this study
+    Runs in real time are done first, one at a time. The folder stores the runs; an interrupted study continues there.
+    force: whether the folder may contain files of other programs
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or new folder, or one of this study", "files in it")
@@ -67,11 +67,12 @@ def faults_study(
 
 
 def summary(runs: pd.DataFrame) -> pd.DataFrame:
-    """Summary of each fault: number of seeds and of detections, slowest detection and recovery [ms].
+    """A row for each fault: number of seeds and of detections, slowest detection and recovery [ms].
 
     covered: number of runs without a wrong estimate after the time limit for detection
-    go_shown_while_faulty, go: sums over seeds; sigma_ratio: largest sigma divided by that before the fault
-    ended: how runs in separate processes ended; lacks_s: largest missing time of tables or recording [s]
+    go_shown_while_faulty, go: sums over seeds
+    sigma_ratio: largest sigma during the fault divided by sigma before it; median over seeds
+    ended: how runs in separate processes ended; lacks_s: longest duration missing in tables or recording [s]
     """
     rows = []
     for fault in FAULTS.values():
@@ -124,7 +125,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults, grouped by the beginning of the displayed text; groups in the order of first faults."""
+    """Descriptions of faults, grouped by the beginning of the text that was displayed during the fault."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -152,6 +153,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md, with the total numbers of GO below it."""
+    """The list of docs/faults.md, and below it the total numbers of wrong GO and of GO."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

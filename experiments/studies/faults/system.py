@@ -1,4 +1,4 @@
-"""Faults around a live run: its viewers, its terminal, its disk, its ports, and its termination by the system."""
+"""Faults of a live run's environment: viewers, terminal, disk, ports, and termination by the system."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ from experiments.studies.faults.viewer import Viewer
 AFTER_S = 3.0
 """Time for which a run continues after the fault, or after the onset of a fault that stays [s]."""
 STARTS_S = 12.0
-"""Longest time of the film before the first state [s]: four times the usual time to start."""
+"""Duration that the film has for the start of the run [s]: four times the usual time until the first state."""
 JITTER_S = 1.0
-"""Range of the random delay of a fault after its onset [s]: the length of a piece of a recording."""
+"""Range of a random delay that is added to the fault's onset [s]: the length of a piece of a recording."""
 STARTS_WITHIN_S = 10.0
 """Time within which a run that cannot start reports it [s]: its page would have appeared by then."""
 N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, whose lines of about 70 letters exceed a terminal's buffer; number sent at once."""
+"""Number of refused requests, and number sent at once. Each request writes a line of about 70 letters; together the
+lines exceed a terminal's buffer."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
@@ -47,10 +48,10 @@ Acts = Callable[[LiveRun], None]
 
 @dataclass(frozen=True, slots=True)
 class SystemFault(Fault):
-    """A `Fault` of a real process: `softaim live` on a film, with a recording and a client of the stream.
+    """A `Fault` of a real process: `softaim live` on a film, with a recording and a viewer.
 
-    before: action before the process starts; begins, ends: actions at the onset, and lasts_s later
-    writes: whether the process can still write after the onset
+    before, begins, ends: actions before the process starts, at the fault's onset, and at its end
+    writes: whether the process can still write files after the onset
     """
 
     before: Acts = lambda _run: None
@@ -60,7 +61,7 @@ class SystemFault(Fault):
     alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
-        """The fault's result; folder: existing folder; onset_s: time after the first state [s]. Raises InputError."""
+        """See `Fault.judged`; onset_s: time from the first state to the fault's onset [s]. Raises InputError."""
         if sys.platform == "win32":
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
@@ -102,12 +103,12 @@ class SystemFault(Fault):
 
 
 def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
-    """The moments until this time of the film [s], shifted so that the fault begins at ONSET_S."""
+    """The displayed moments before until_s on the film's clock [s], shifted so that the fault begins at ONSET_S."""
     return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait for this time of the film [s], even if the process ends; returns if it ended before any state."""
+    """Wait until this time of the film [s]. Return at once if the process ended before it sent a state."""
     while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 
@@ -125,7 +126,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """Add a viewer that shows each state for a second, and clients of stream and OpenIGTLink that never receive."""
+    """Add a viewer that shows each state for a second, and clients of the stream and of OpenIGTLink that never read."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -173,7 +174,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Send so many refused requests that their lines fill the pipe of a reader that does not read."""
+    """Send requests that the process refuses with a line each; if nobody reads them, the lines fill the buffer."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -207,7 +208,7 @@ def _closed(run: LiveRun) -> None:
 
 
 def _full(run: LiveRun) -> None:
-    """Limit the size of the process's files: a write fails, as on a full disk."""
+    """Limit the size of the process's files to zero, so that writing fails, as on a full disk."""
     import resource
 
     resource.prlimit(run.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))

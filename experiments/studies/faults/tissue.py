@@ -1,4 +1,4 @@
-"""Faults of the marks, of the tissue, and of its scene."""
+"""Faults of the marks, the tissue and the scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.studies.faults.scripted import Moves, ScriptedFault
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
-    """A fault that displaces the first measured mark [m], as a function of the time since the onset [s]."""
+    """A fault that displaces the first measured mark; `by`: displacement [m] at a time since the onset [s]."""
 
     def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
         moved = places.copy()
@@ -27,7 +27,7 @@ def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
 
 
 def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
-    """Positions in which two marks are exchanged."""
+    """The positions after two marks have been exchanged."""
     one, other = (scene.network.index(node) for node in scene.measured_nodes[:2])
     moved = places.copy()
     moved[[one, other]] = places[[other, one]]
@@ -70,7 +70,7 @@ def _scaled(scene: Scene) -> Scene:
 
 
 def _another(scene: Scene) -> Scene:
-    """The scene with nodes drawn 30 mm farther apart than they are."""
+    """The scene with a body that is 30 % too large."""
     network = scene.network
     middle = network.positions.mean(axis=0)
     drawn = middle + 1.3 * (network.positions - middle)

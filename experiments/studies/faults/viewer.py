@@ -1,4 +1,4 @@
-"""An external viewer of a live run: a client of its stream that records what the page would show."""
+"""A viewer of a live run: a client of its stream that stores what the page would show."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """A client that requests the newest state whenever it has shown the last one.
+    """A client of the stream that shows a state, and then requests the newest state.
 
-    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if a state's delay exceeds the least
-    delay by STALE_S.
+    Like the page, it shows STALE if nothing has arrived for STALE_S by its own clock, or if a state's delay exceeds the
+    smallest delay so far by STALE_S.
 
-    motion, target: the truth, and the target's index; n_measured: number of marks that the filter may use
-    pause_s: time to show a state [s]. State: the displayed moments, by the film's time; the clock's time at the film's
-    start; arrival and exposure times of states from frames [s]; the least delay [s]; the received events.
+    motion: the true motion; target: index of the target; n_measured: number of marks that the filter may use
+    pause_s: time for which each state is shown [s]
+    State: the displayed moments; the clock's time at the film's start; arrival and exposure times of states with a new
+    frame [s]; the smallest delay so far [s]; the events received so far.
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -49,7 +50,7 @@ class Viewer:
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Add a report that another client received."""
+        """Store a report that another viewer received."""
         self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
@@ -116,7 +117,7 @@ class Viewer:
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
-        """Text of the new events; events before the first state are not faults."""
+        """Text of events that no earlier state had; events of the first state are not faults."""
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))

@@ -1,6 +1,6 @@
-"""A breathing phantom in front of a camera, with scripted time: its truth, its pictures, and their live source.
+"""A breathing phantom in front of a camera: its true motion, its pictures, and a live source with a scripted clock.
 
-Truth is by SciPy's RK45. Only the script advances time, so that results do not depend on the machine.
+SciPy's RK45 computes the motion. Only the script advances the clock, so that results do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def scenario_of(seed: int, duration_s: float) -> Scenario:
 
 
 def scene_in_view(scenario: Scenario) -> Scene:
-    """The scenario's scene with a colour for each mark, without a stated model error."""
+    """The scenario's scene with a colour for each mark and the default settings of the filter."""
     scene = scene_of(scenario)
     marks = tuple(replace(mark, hue_deg=hue) for mark, hue in zip(scene.marks, HUES_DEG, strict=True))
     return replace(scene, marks=marks, settings=FilterSettings())
@@ -85,9 +85,9 @@ def moved(
     at_s: float,
     pushed: Force | None = None,
 ) -> Motion:
-    """The phantom's motion; its network changes by the function `becomes` at the time at_s [s].
+    """The phantom's motion. At the time at_s [s], the function `becomes` changes its network.
 
-    pushed: an additional force, besides those of the scenario
+    pushed: a force in addition to those of the scenario
     """
     rng = np.random.default_rng(scenario.seed)
     start, forces = start_and_forces(network, scenario, rng)
@@ -119,13 +119,13 @@ def moved(
 
 @lru_cache(maxsize=64)
 def undisturbed(seed: int, duration_s: float) -> Motion:
-    """The phantom's motion without a change; cached, because most faults use it."""
+    """The phantom's motion without a fault; cached, because most faults use the same motion."""
     scenario = scenario_of(seed, duration_s)
     return moved(scenario, scene_in_view(scenario).network, lambda network: network, 0.0)
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
-    """Forces of a needle on the free nodes: when inside(time) is true, it pushes at its entry with push_N [N]."""
+    """Force of a needle on the free nodes: it acts at the entry, with push_N [N], while inside(time) is true."""
     shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
@@ -146,7 +146,7 @@ class Arrival:
 class ScriptedFrames(LiveFrames):
     """A live source with scripted reads: `LiveFrames` without its thread.
 
-    State: the script's clock [s], the remaining reads, the faults not yet reported.
+    State: the script's clock [s], the remaining reads, the faults that `reported` has not yet returned.
     """
 
     def __init__(self, arrivals: list[Arrival]) -> None:
@@ -162,7 +162,7 @@ class ScriptedFrames(LiveFrames):
         self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame that has come, or the first that comes within timeout_s [s]."""
+        """The newest frame that has arrived; if there is none, the first that arrives within timeout_s [s]."""
         until_s = self.now_s + timeout_s
         self._read_until(self.now_s)
         while not self._waiting and self._to_come and self._to_come[0].at_s <= until_s:
@@ -183,13 +183,13 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _Read(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call; faults are also stored for `reported`."""
+        """The events since the last call. Faults among them are stored until `reported` returns them."""
         events = super().take_events()
         self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events
 
     def reported(self) -> str:
-        """The faults reported since the last call."""
+        """Text of the faults since the last call."""
         reported, self._reported = "; ".join(self._reported), []
         return reported
 
@@ -218,7 +218,7 @@ class _Read:
 
 
 def drawn(scene: Scene, places: Floats, rng: np.random.Generator, *, hidden: tuple[str, ...] = ()) -> Image:
-    """A picture of all nodes at these positions [m], (n_nodes, dim), in which grey covers the marks of `hidden`."""
+    """A picture of all nodes at these positions [m], (n_nodes, dim). Grey discs cover the marks of `hidden` nodes."""
     image = draw(scene, places, vision.Lighting(), rng, strays=[])
     camera = scene.cameras[0]
     for mark in scene.marks:

@@ -1,13 +1,15 @@
-"""Coverage of the target over mark noise, with exactly stated constants.
+"""Coverage of the target for marks with different noise; the scene's constants are exact.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
-SciPy's DOP853 computes the truth. Marks have Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s; the stated noise
-is exact, ten times too large or three times too small. The body is at rest, or moved by a breath of 1, 2 or 4 m/s²
-(period 3 to 6 s), pokes of 5 m/s², or both. The first second is not counted. Latest coverage of both phantoms, with
-seeds 500 and 501: exact noise 97 to 100 % in 59 of 60 cells, 81 % for the light phantom with 4 m/s² and 0.3 mm; noise
-stated too large 88 to 100 %; noise stated too small 88 to 100 % up to 4.14 mm of noise, 56 to 93 % above.
+SciPy's DOP853 computes the truth. Marks have Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s. The noise that the
+scene states is exact, ten times too large, or three times too small. The body is at rest, or a breath of 1, 2 or 4 m/s²
+(period 3 to 6 s), pokes of 5 m/s², or both move it. The first second is not evaluated.
+
+Latest coverage of both phantoms, with seeds 500 and 501. Exact noise: 97 to 100 % in 59 of 60 cells, and 81 % for the
+light phantom with a breath of 4 m/s² and 0.3 mm of noise. Stated noise too large: 88 to 100 %. Stated noise too small:
+88 to 100 % with up to 4.14 mm of true noise, 56 to 93 % with more.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ CELL = ["body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each cell: shares of covered and wrong frames among those not lost; medians of the other figures."""
+    """A row for each cell: shares of covered and of wrong frames in frames with guidance; medians of other figures."""
     cells = runs.groupby(CELL, sort=False)
     sums = cells[["frames", "lost", "covered", "wrong"]].sum()
     seen = sums["frames"] - sums["lost"]

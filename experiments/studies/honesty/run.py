@@ -1,4 +1,4 @@
-"""One run of the study: a body with exactly stated constants, and marks with a given noise."""
+"""One run of the study: the scene states exact constants, and marks have a given noise."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ PUSHES = {
 """Forces on the body, by name: accelerations by pokes, and by a breath with a period of 3 to 6 s [m/s²]."""
 
 AFTER_S = 1.0
-"""Time from which frames count [s]: the start has its own tests."""
+"""Time from which frames are evaluated [s]: the start has its own tests."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Do a run, and return its row; the case has body, forces, seed, and true and stated noise (`sd_m`, `stated`).
+    """Do a run, and return its row.
 
-    frames, lost: numbers of all frames, and of those whose status permits no guidance. covered, wrong, nees: for the
-    other frames, number with the truth in the 95 % region, number with a wrong estimate, mean NEES per dimension
-    error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
+    case: body; pushes: name of the forces; seed; sd_m: true noise of marks [m]; stated: ratio of stated to true noise
+    frames, lost: number of frames, and of frames whose status permits no guidance; the other figures omit lost frames
+    covered, wrong: number of frames with the truth in the 95 % region, and with a wrong estimate
+    nees: mean NEES per dimension; error_mm, sd_mm: root mean square of error and of standard deviation, for each axis
     """
     scene, frames, truth = recorded(case)
     line = Line(scene, baseline=False)
@@ -62,7 +63,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
-    """The scene of a case, its frames, and the true target in each frame [m]; case: as in `run`."""
+    """The scene of a case, its frames, and the target's true position in each frame [m]; case: as in `run`."""
     duration_s, scene = float(case["duration_s"]), scene_of_body(case["body"])
     motion = motion_of(scene, Truth(pushes=PUSHES[case["pushes"]]), case["seed"], duration_s)
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))

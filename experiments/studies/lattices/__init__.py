@@ -1,1 +1,1 @@
-"""Study that compares the moduli of spring lattices with those of their tissue."""
+"""Study that compares the moduli of spring lattices with the moduli of the same tissue."""

@@ -2,8 +2,8 @@
 
     python -m experiments.studies.lattices --out DIR    # --page writes the tables to docs/lattices.md
 
-Factors are fitted to boxes of seeds 0 to 3 and tested on other boxes. DIR gets summary.json, rows.csv, tables.md and
-lattices.png, all or none. Last figures: docs/lattices.md.
+Each structure has correction factors, which are fitted to its boxes of seeds 0 to 3 and tested on other boxes. If the
+study succeeds, DIR gets summary.json, rows.csv, tables.md and lattices.png. Latest figures: docs/lattices.md.
 """
 
 from __future__ import annotations

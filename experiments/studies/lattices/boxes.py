@@ -1,4 +1,4 @@
-"""One box of tissue as finite elements, and as springs by each method."""
+"""Moduli of one box of tissue, made of finite elements or of springs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ SIDE_M = 0.024
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
-"""Methods: two published formulas; factors fitted to other boxes of the structure, or to the box itself."""
+"""Methods for the springs: two published formulas, factors fitted to other boxes of the structure, and factors fitted
+to the box itself."""
 
 AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
 
@@ -42,14 +43,14 @@ Row = dict[str, Any]
 
 
 def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tissue]]:
-    """A lattice of a structure, and its tissues."""
+    """A lattice of a structure, and the structure's tissues."""
     make, names = STRUCTURES[kind]
     rng = np.random.default_rng(seed)
     return lattice_of(make(rng), SIDE_M, cells, rng), [TISSUES[name] for name in names]
 
 
 def fit(job: tuple[str, Sequence[int], int]) -> Floats:
-    """Factors of a structure, (6,), fitted to boxes of these seeds with this number of cells."""
+    """Fit the correction factors of a structure, (6,); job: the structure, the boxes' seeds, the number of cells."""
     kind, seeds, cells = job
     samples = []
     for seed in seeds:
@@ -60,10 +61,12 @@ def fit(job: tuple[str, Sequence[int], int]) -> Floats:
 
 
 def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
-    """Rows of one box, with these factors of its structure: one for the material, and one for springs by each method.
+    """Rows of one box: a row for the material, and a row for the springs of each method.
 
-    alignment: mean over the structure's springs; crossing: share of springs that cross a surface; share: volume share
-    of the structure's tissues
+    job: structure, seed, number of cells, correction factors of the structure
+    alignment: mean of `Lattice.alignment` over the structure's springs
+    crossing: share of springs that cross a surface of the structure
+    share: share of the box's volume that the structure's tissues fill
     """
     kind, seed, cells, factors = job
     lattice, tissues = lattice_by_seed(kind, seed, cells)

@@ -43,7 +43,7 @@ STYLES: dict[str, dict[str, Any]] = {
 
 @styled
 def picture(means: pd.DataFrame, cells: int) -> Figure:
-    """A column for each structure: springs in a plane perpendicular to y, and moduli."""
+    """A column of plots for each structure: above, springs in a plane perpendicular to y; below, moduli."""
     figure = new_figure(PAGE_MM, 95.0)
     kinds = list(means.index.unique("structure"))
     axes = figure.subplots(2, len(kinds), squeeze=False, height_ratios=[1.0, 1.1])
@@ -58,7 +58,7 @@ def picture(means: pd.DataFrame, cells: int) -> Figure:
 
 
 def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
-    """Draw the springs near the plane, with wider lines in the structure's tissues."""
+    """Draw the springs near the plane; springs in the structure's tissues have wider lines."""
     lattice, tissues = lattice_by_seed(kind, SHOWN_SEED, cells)
     ends = 1e3 * lattice.mesh.nodes[lattice.springs]
     near = (np.abs(ends[:, :, 1] - 1e3 * PLACES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)

@@ -31,7 +31,7 @@ PARTS = {
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over boxes, by structure and method, with the errors of Young's modulus.
 
-    `largest_mean_error`: mean error over boxes in the worst direction; `largest_error`: largest in any box
+    `largest_mean_error`: largest mean error of any direction; `largest_error`: largest error of any box and direction
     """
     by = ["structure", "method"]
     true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]
@@ -65,7 +65,7 @@ def tables(means: pd.DataFrame) -> dict[str, str]:
 
 
 def _listed(row: pd.Series, columns: Sequence[str]) -> str:
-    """Text with the values of some columns, moduli in kPa."""
+    """Text with the values of these columns; moduli are in kPa."""
     return ", ".join(
         f"{1e-3 * row[key]:#.3g}".rstrip(".") if key.endswith("_pa") else f"{row[key]:.2f}" for key in columns
     )

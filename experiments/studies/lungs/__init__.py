@@ -1,1 +1,1 @@
-"""Breathing lungs: inner landmarks estimated from those on the hull. `python -m experiments.studies.lungs FOLDER`."""
+"""Study of breathing lungs: inner landmarks are estimated from landmarks on the hull; `__main__` has the command."""

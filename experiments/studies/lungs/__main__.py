@@ -1,10 +1,10 @@
-"""Real breathing lungs: inner landmarks are estimated from those on the hull, and by a thin-plate spline.
+"""Real breathing lungs: the filter and a spline estimate inner landmarks from landmarks on the convex hull.
 
     python -m experiments.studies.lungs FOLDER              # prints the table; --page writes it to docs/zoo.md
 
-FOLDER has `case1.csv` and others, `landmark,phase,x_mm,y_mm,z_mm`, phase 0 at the end of inhaling and the last one at
-the end of exhaling, such as the landmarks of DIR-Lab [castillo2009]; they are not part of the repository. Each lung is
-a body without anchors. Last figures: docs/zoo.md.
+FOLDER has tables `case1.csv` and so on, with columns `landmark,phase,x_mm,y_mm,z_mm`. Phase 0 is at the end of
+inhaling, the last phase at the end of exhaling. The page uses the landmarks of DIR-Lab [castillo2009], which are not
+part of the repository. Each lung is a body without anchors. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from experiments.studies.lungs.table import markdown
 
 
 def run(job: tuple[Lung, str]) -> Inner:
-    """Estimate one lung from a number of visible landmarks, named in `SEEN`, with the constants of all lungs."""
+    """Run all methods on one lung; job: the lung, and one of `SEEN`."""
     lung, seen = job
     return inner_landmarks(lung, seen, LungConstants())
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table of a folder of landmarks."""
+    """Run the study on a folder of landmarks, and print the table."""
     parser = study_options(__doc__, out=False, page="zoo.md")
     parser.add_argument("folder", type=Path, help="folder with case1.csv and so on")
     given = parser.parse_args(arguments)

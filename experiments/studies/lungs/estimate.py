@@ -1,4 +1,4 @@
-"""Inner landmarks of a lung from visible landmarks on its hull: without motion, by a spline, by the filter."""
+"""Methods that estimate inner landmarks of a lung from landmarks on its hull: no motion, a spline, the filter."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from experiments.studies.zoo.references import thin_plate_weights
 from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""Numbers of visible landmarks in each lung; None for all."""
+"""Numbers of landmarks on the hull that the methods see, by name; None: all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inner:
-    """Errors of the inner landmarks of a lung [m], (n_phases - 1, n_inner), without the first phase, which is given.
+    """Errors of a lung's inner landmarks in all phases but the first [m], (n_phases - 1, n_inner).
 
     landmarks: indices of the inner landmarks in the lung, (n_inner,)
-    filtered, nees: errors and NEES of the filter, None if it failed; failure: why it failed
+    nothing, spline, filtered: errors without motion, by the spline, and by the filter; nees: NEES of the filter
+    If the filter failed, `filtered` and `nees` are None, and `failure` has the reason.
     """
 
     lung: str
@@ -42,7 +43,7 @@ class Inner:
 
 
 def by_spline(lung: Lung, seen: str) -> Inner:
-    """Errors if no motion is assumed, and errors of a thin-plate spline; `seen`: one of `SEEN`."""
+    """Errors without motion, and errors of a thin-plate spline; seen: one of `SEEN`."""
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
     moved = lung.positions[1:, marked] - start[marked]
@@ -52,7 +53,7 @@ def by_spline(lung: Lung, seen: str) -> Inner:
 
 
 def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
-    """Results of all methods on one lung; `seen`: one of `SEEN`."""
+    """Errors of all methods on one lung; seen: one of `SEEN`."""
     found, filtered = by_spline(lung, seen), followed_lung(lung, lung.seen(SEEN[seen]), constants)
     if filtered.failure:
         return replace(found, failure=f"not possible yet: {filtered.failure}")
@@ -64,12 +65,12 @@ def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
 
 
 def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
-    """Times [s] of a lung's phases, and the marks of these landmarks."""
+    """Frames of a lung, one for each phase, with marks on the landmarks with the indices `marked`."""
     return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
 
 
 def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
-    """The filter's estimates of a lung's inner landmarks, all in one run."""
+    """The filter's estimates of a lung's inner landmarks."""
     network = lung_network(lung.positions[0], constants)
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])
@@ -77,7 +78,7 @@ def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstant
 
 
 def errors_table(found: Sequence[Inner]) -> pd.DataFrame:
-    """One row for each inner landmark in each phase: errors by method [mm], NEES of the filter."""
+    """A row for each inner landmark in each phase: errors by method [mm], NEES of the filter."""
     parts = []
     for one in found:
         n_phases, n_inner = one.nothing.shape

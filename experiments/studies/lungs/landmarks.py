@@ -1,4 +1,4 @@
-"""Landmarks of breathing lungs from tables, one for each person, divided into left and right."""
+"""Landmarks of breathing lungs, read from a table for each person."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Lung:
     """One lung of a person.
 
     name: name of the file and the side; positions: positions of its landmarks [m], (n_phases, n, 3)
-    hull, inner: indices of the landmarks on the convex hull of the first phase, and of those inside
+    hull, inner: indices of landmarks on the convex hull in the first phase, and of landmarks inside it
     """
 
     name: str
@@ -38,7 +38,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of n landmarks of the hull that are far from each other; None: of all landmarks of the hull."""
+        """Indices of n landmarks on the hull that are far from each other. If n is None, all landmarks on the hull."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -46,7 +46,7 @@ class Lung:
 
 
 def read_lungs(folder: Path) -> list[Lung]:
-    """Two lungs of each `case*.csv` of the folder, by name; raises InputError."""
+    """Both lungs of each table `case*.csv` in a folder, in the order of file names. Raises InputError."""
     paths = sorted(folder.glob("case*.csv"))
     if not paths:
         raise InputError.at(folder, "case1.csv and others", "none" if folder.is_dir() else "no folder")
@@ -54,13 +54,13 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, divided at the widest gap along x; raises InputError."""
+    """The two lungs of a table; the widest gap along x separates them. Raises InputError."""
     positions = _by_phase(read_table(path, COLUMNS))
     return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Whether landmarks at these positions, (n, 3), belong to the right and to the left lung, (n,) each."""
+    """Whether each landmark belongs to the right and to the left lung, (n,) each; places: positions, (n, 3)."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -77,7 +77,7 @@ def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
 
 
 def _by_phase(table: Table) -> Floats:
-    """Positions [m], (n_phases, n_landmarks, 3), from a table with each pair of phase and landmark once."""
+    """Positions from a table with one row for each phase and landmark [m], (n_phases, n_landmarks, 3)."""
     numbers = table.numbers
     if table.n_rows == 0:
         raise InputError.at(table.path, "a row for each landmark in each phase", "none")

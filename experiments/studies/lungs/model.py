@@ -15,12 +15,12 @@ from experiments.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class LungConstants:
-    """Constants common to all lungs; chosen once, not for a person or a landmark.
+    """Constants, which are the same for all lungs.
 
-    strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
-    damping_s: dashpot of a spring divided by its stiffness [s]: air and blood follow slowly; choice
+    strand_n: stiffness of a spring times its length [N], for a strand of 20 mm x 20 mm with 2 kPa; choice
+    damping_s: dashpot of a spring divided by its stiffness [s], because air and blood follow slowly; choice
     mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
-    reading_sd_m: sd of a landmark's position as read, on each axis [m]; source: readers differ by about 1 mm
+    reading_sd_m: sd of a landmark's read position on each axis [m]; source: readers differ by about 1 mm
     """
 
     strand_n: float = 0.8
@@ -42,7 +42,7 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
 
 
 def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
-    """The network of landmarks at the end of inhaling [m], (n, 3), its rest shape, without gravity."""
+    """The network with nodes at these points, its rest shape [m], (n, 3); without gravity."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)

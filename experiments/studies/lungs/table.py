@@ -1,4 +1,4 @@
-"""Table of the lungs: mean errors at the end of exhaling and in all phases, and coverage."""
+"""Table of the lungs: mean errors and coverage at the end of exhaling, and in all phases."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _complete(table: pd.DataFrame, column: str) -> bool:
 
 
 def _mean(table: pd.DataFrame, column: str) -> str:
-    """Mean of the column; empty if a value is missing, because the mean would then omit landmarks."""
+    """Mean of the column as text; empty if a value is missing, because the mean would then omit landmarks."""
     return f"{table[column].mean():.2f}" if _complete(table, column) else ""
 
 

@@ -1,7 +1,7 @@
 """Rewrite the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
-It takes about ten minutes. Figures are between comments;
-`tests/experiments/studies/readme/test_readme.py` compares them with a short demo.
+It takes about ten minutes. Comments enclose the figures in the README;
+`tests/experiments/studies/readme/test_readme.py` compares the figures with a short demo.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DEMO_SEEDS = range(1, 6)
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
-    """Coverage of the 95 % region in the demo's run with each seed, by scenario."""
+    """Coverage of the 95 % region with each seed, by scenario of the demo."""
     found: dict[str, list[float]] = {}
     for name in SCENARIOS:
         for seed in seeds:
@@ -57,7 +57,7 @@ def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
 
 
 def figure_rows(studies: dict[str, dict[str, float]]) -> str:
-    """Measured performance of the filter over seeded runs, as rows of the README's table."""
+    """Rows of the README's table with the filter's performance over many runs."""
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"
@@ -67,7 +67,7 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
 
 
 def main() -> None:
-    """Run demo and study, draw the pictures in docs/images, rewrite the figures."""
+    """Run the demo and the study of the hidden mass; write the pictures to docs/images, and the README's figures."""
     with tempfile.TemporaryDirectory() as folder:
         figures = demo(Path(folder) / "demo", stage=lambda _name: lambda _share: None)
         images = ROOT / "docs" / "images"

@@ -1,7 +1,7 @@
-"""Moving picture of the README: the poked phantom, a needle with its advice, and a close-up of the target.
+"""Animated picture of the README: the poked phantom, a needle with its advice, and a close-up of the target.
 
-`python -m experiments.studies.readme.moving_picture` in the checkout writes docs/images/poked-advice.webp, in a minute.
-It needs OpenCV 4.12 or newer.
+`python -m experiments.studies.readme.moving_picture` in the checkout writes docs/images/poked-advice.webp within a
+minute. It needs OpenCV 4.12 or newer.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ PLAN = NeedlePlan(Needle(), Insertion(np.array([-0.025, 0.24]), ALONG, 0.4), Les
 
 
 class Watched:
-    """Stores the drawn frames of a run. State: the frames from the first to the last shown time."""
+    """Draws and stores frames of a run. State: the drawn frames between the times `shown_s` [s]."""
 
     def __init__(self, shown_s: tuple[float, float]) -> None:
         self.shown_s = shown_s
         self.frames: list[Image] = []
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Draw a frame of the film, with a close-up of the target beside it."""
+        """Draw a frame with a close-up of the target, and store it."""
         if not isinstance(frame, Frame) or not self.shown_s[0] <= step.estimates[FILTER].time_s <= self.shown_s[1]:
             return
         network, (width, height), (left, top) = line.scene.network, NEAR_PX, NEAR_CORNER_PX
@@ -72,7 +72,7 @@ class Watched:
 def enlarged(
     image: Image, camera: PlaneCamera, at_m: np.ndarray, by: float, at_px: tuple[float, float], size_px: tuple[int, int]
 ) -> tuple[Image, PlaneCamera]:
-    """A picture and its camera, enlarged, with a point of the plane `at_m` [m] at the pixel `at_px`."""
+    """The picture enlarged by a factor, and its camera. The plane's point `at_m` [m] gets the position `at_px`."""
     u, v = camera.project(at_m[None])[0]
     enlarge = np.array([[by, 0.0, at_px[0] - by * u], [0.0, by, at_px[1] - by * v], [0.0, 0.0, 1.0]])
     larger = cv2.warpAffine(image, enlarge[:2], size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -81,7 +81,7 @@ def enlarged(
 
 
 def write_moving_picture(path: Path, scenario: Scenario = SCENARIO, shown_s: tuple[float, float] = SHOWN_S) -> None:
-    """Simulate and film the scenario, advise, and write the frames drawn between these times [s] as WebP."""
+    """Film the scenario, advise on the needle, and write the frames between the times `shown_s` [s] as WebP."""
     watched, film = Watched(shown_s), cv2.Animation()
     with tempfile.TemporaryDirectory() as folder:
         simulate(scenario, Path(folder) / "recording")

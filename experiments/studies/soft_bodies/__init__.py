@@ -1,1 +1,1 @@
-"""Study of the filter for a continuum; the truths are simulated soft bodies of finite elements."""
+"""Study of the filter for a continuum on simulated soft bodies of finite elements."""

@@ -1,10 +1,10 @@
-"""Soft bodies of finite elements: the filter for a continuum, and truths with other meshes, laws and integrators.
+"""Filter for a continuum, tested on soft bodies whose meshes, laws and integrators differ from the filter's.
 
     python -m experiments.studies.soft_bodies --out DIR    # --page writes the table to docs/meshes.md
 
-True blocks have MuJoCo's elements, breasts neo-Hookean ones; marks on the skin are accurate to 0.5 mm, the target is
-hidden, and the stiffness is known to a factor of two. Constants of the filter were chosen on seeds 0 to 3. DIR gets
-runs.csv, summary.json and table.md; an interrupted study continues.
+True blocks have MuJoCo's elements; true breasts have neo-Hookean elements. Marks on the skin are accurate to 0.5 mm,
+the target is hidden, and the stiffness is known to a factor of two. The filter's constants were chosen with seeds 0
+to 3. DIR gets the runs, summary.json and table.md; an interrupted study continues there.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ FIGURES = {
     "thin_plate_mm": "thin-plate spline [mm]",
     "covered": "filter covered",
 }
-"""Headings of the table's columns, which are means over recordings."""
+"""Headings of the table's columns. The table has means over recordings."""
 
 
 def summary(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Means over the recordings of each body, in order."""
+    """A row for each body, with means over its recordings."""
     bodies = rows.groupby("body", sort=False)
     means = bodies[[*FIGURES, "ms"]].mean()
     means.insert(0, "n", bodies.size())

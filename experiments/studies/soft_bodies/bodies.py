@@ -1,4 +1,4 @@
-"""Moving soft bodies, and the filter's models of them, with another mesh and another stiffness."""
+"""True motions of soft bodies, and the filter's models, which have another mesh and another stiffness."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ PRESS = 0.02
 """Largest pressure on a block's lower face, relative to Young's modulus; with 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
-"""Numbers of cells of the breast, across and in depth, in the truth and in the filter's mesh."""
+"""Numbers of cells of the breast's mesh, across and in depth: of the true body, and of the filter's model."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
-"""Motion of a moving wall: shift [m] and range of rotation [rad] in each breath; lasting shift within a second [m]."""
+"""Motion of a moving wall: shift [m] and range of the rotation [rad] in each breath; a single lasting shift [m], which
+takes one second."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
 """Gravity, and the time step [s] of the differences that give a moving wall's acceleration; numerical."""
@@ -50,7 +51,7 @@ PRESSURE_PA = (300.0, 1500.0)
 class Recording:
     """A moving body.
 
-    network: network for the methods; its nodes are the free nodes `marked` and `target`, then the wall's nodes
+    network: model for the methods; its free nodes are the marks and the target, its other nodes are on the wall
     positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 
@@ -61,7 +62,7 @@ class Recording:
 
 
 def soft_block(per_side: int, seed: int) -> Recording:
-    """A block of MuJoCo's elements that hangs from a plate, and is pressed from below and released."""
+    """A block of MuJoCo's elements that hangs from a plate. It is pressed from below, and then released."""
     rng = np.random.default_rng([seed, 1])
     body = block(per_side, seed, Scale(), SECONDS, PRESS)
     drawn, fixed = body.network.positions, body.network.fixed
@@ -83,7 +84,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
 
 
 def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, moves: bool = False) -> Recording:
-    """A breathing breast of neo-Hookean elements; its skin is pushed on smaller and larger areas.
+    """A breathing breast of neo-Hookean elements; pushes act on areas of its skin.
 
     wall: the wall in the filter's model; moves: whether the true wall moves
     """
@@ -112,7 +113,7 @@ def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[s
     masses = _masses(mesh)
 
     def on_wall(time_s: float) -> Floats:
-        """Load and inertial forces in the wall's frame, without Coriolis forces."""
+        """Load and inertial forces in the moving wall's frame, without Coriolis forces."""
         before, now, after = (pose(time_s + step) for step in (-INSTANT_S, 0.0, INSTANT_S))
         acceleration = sum(k * (mesh.nodes @ turn.T + x) for k, (turn, x) in ((1, before), (-2, now), (1, after)))
         pull = (GRAVITY_M_S2 - acceleration / INSTANT_S**2) @ now[0] - GRAVITY_M_S2
@@ -126,7 +127,7 @@ def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[s
 
 
 def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
-    """Rotation, (3, 3), and shift [m], (3,), of a wall at a time [s]: breaths, and a lasting shift."""
+    """Function from a time [s] to the moving wall's rotation, (3, 3), and shift [m], (3,)."""
     along, axis, aside = rng.normal(size=(3, 3))
     along = 0.3 * along + [0.0, 0.0, 1.0]
     breath, shift = WALL_BREATH_M * along / np.linalg.norm(along), WALL_SHIFT_M * aside / np.linalg.norm(aside)
@@ -147,7 +148,7 @@ def _masses(mesh: TetMesh) -> Floats:
 
 
 def _given(rng: np.random.Generator, young_pa: float) -> float:
-    """The filter's Young's modulus for this true modulus [Pa]."""
+    """A random Young's modulus for the filter's model [Pa]; young_pa: the true modulus [Pa]."""
     return young_pa * float(np.exp(UNCERTAIN * rng.normal()))
 
 

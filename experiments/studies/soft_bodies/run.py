@@ -20,7 +20,7 @@ SKIPPED = 15
 
 
 def run(job: Case) -> dict[str, float]:
-    """Figures of one recording; the job states `body` and `seed`."""
+    """Figures of one recording; job: `body` and `seed`."""
     seed = int(job["seed"])
     case = BODIES[job["body"]](seed)
     rng = np.random.default_rng([seed, 3])
@@ -49,7 +49,7 @@ def run(job: Case) -> dict[str, float]:
 
 
 def _spline(case: Recording, seen: Floats) -> Floats:
-    """Position of the target by a thin-plate spline of the displacement of marks and fixed wall, (n_frames, 3) [m]."""
+    """Positions of the target by a thin-plate spline through marks and fixed wall [m], (n_frames, 3)."""
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed & network.is_held]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]

@@ -1,7 +1,8 @@
 """Motion of a body of finite elements under large strains: the truth of the study's breasts.
 
-Neo-Hookean tetrahedra with all nodes, the implicit midpoint rule, and Newton's method, whose matrix is factored again
-if it converges slowly. Law, mesh and integrator differ from the filter's.
+The body has neo-Hookean tetrahedra, and its state has all nodes. The implicit midpoint rule integrates the motion.
+Newton's method solves each step, and factors its matrix again only if convergence is slow. Law, mesh and integrator
+differ from the filter's.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ Load = Callable[[float], Floats]
 
 
 def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
-    """Positions of all nodes [m], (n_frames, n_nodes, 3), at equally spaced times [s], from rest at first.
+    """Positions of all nodes [m], (n_frames, n_nodes, 3), for a body that is at rest at the first time.
+
+    times_s: equally spaced times of the frames [s]; load: forces on all nodes at a time.
 
     Raises RuntimeError if a step has no solution.
     """
@@ -60,7 +63,7 @@ def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times
 def _step(
     body: Assembly, mass: Floats, h: float, state: tuple[Floats, Floats], force: Floats, factor: SuperLU | None
 ) -> tuple[Floats, SuperLU]:
-    """Velocity at a step's midpoint [m/s], and the matrix's factors, recomputed if convergence is slow."""
+    """Velocity at the midpoint of a step [m/s], and the factors of Newton's matrix for the next step."""
     q, v = state
     for most in (SLOW, MOST) if factor is not None else (MOST,):
         middle = v.copy()

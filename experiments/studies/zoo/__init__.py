@@ -1,1 +1,1 @@
-"""Zoo study: one filter with one setting on bodies with other physics. `python -m experiments.studies.zoo`."""
+"""Zoo study: one filter with the same settings on different bodies; `__main__` has the command."""

@@ -1,11 +1,11 @@
-"""Zoo of bodies: accuracy of the filter, with the same settings for all, on bodies with other physics.
+"""Zoo of bodies: accuracy of the filter, with the same settings, on bodies with different physics.
 
     python -m experiments.studies.zoo --out FOLDER                       # all cells, seeds 1000 to 1019
     python -m experiments.studies.zoo --seeds 2 --first-seed 0 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
-Runs use all cores or `--scheduler ADDRESS`. FOLDER gets runs/runs.parquet, runs.csv, cells.csv and table.md. MuJoCo,
-which the extra `dev` installs, computes the truths. Latest figures: docs/zoo.md.
+Runs use all cores or `--scheduler ADDRESS`. FOLDER gets runs/runs.parquet, runs.csv, cells.csv and table.md. The
+extra `dev` installs MuJoCo, which computes the truths. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Cases of the zoo: a body, its constants, a scale and a seed."""
+"""Cases of the zoo: a body, the assumed constants, a scale of the body, and a seed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Kinds of constants: best-known; each with a random error of 20 % (1 sd); fitted to another recording of the body."""
+"""Kinds of constants that a run assumes: best-known, with random errors of 20 % (1 sd), or identified from another
+recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
@@ -45,19 +46,19 @@ class Case:
 
     @property
     def cell(self) -> str:
-        """The name of the cell of the table to which the case belongs: all but the seed."""
+        """The name of the case's cell in the table: body, scale or constants, without the seed."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
     @property
     def motion(self) -> Body:
-        """The moving body; consecutive cases with the same motion share it."""
+        """The moving body, cached for the next cases with the same motion."""
         return _body(self.body, self.seed, self.scale, self.length_s)
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Case:
-        """The case of a table's row; other columns are ignored."""
+        """The case from a row of a table; columns that are no field of a case are ignored."""
         return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
 
 
@@ -67,7 +68,7 @@ def _body(name: str, seed: int, scale: Scale, length_s: float) -> Body:
 
 
 def cases(bodies: Sequence[str] = tuple(BODIES), seeds: Sequence[int] = REPORT_SEEDS) -> list[Case]:
-    """All cases of these bodies, cell by cell; scaled bodies with the first ten seeds."""
+    """All cases of these bodies with all seeds; scaled bodies have only the first `N_SCALED` seeds."""
     found = []
     for body in bodies:
         found += [Case(body, seed, constants) for seed in seeds for constants in CONSTANTS]

@@ -1,4 +1,4 @@
-"""The constants of a body that a run assumes: best-known, 20 % wrong, or identified."""
+"""The constants of a body that a run assumes: best-known, with errors of 20 %, or identified."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OTHER_RECORDING = 100_000
 """Offset from a case's seed to the seed of its recording for identification."""
 
 BUDGET_S = 12.0
-"""Limit of an identification's processor time [s], with which the whole zoo takes an hour on two cores."""
+"""Limit of an identification's processor time [s]; the whole zoo then takes an hour on two cores."""
 
 
 class NotIdentifiedError(Exception):
@@ -30,7 +30,7 @@ class NotIdentifiedError(Exception):
 
 
 def assumed(body: Body, case: Case) -> Model:
-    """What a run assumes about the body, with the constants of the case; raises NotIdentifiedError."""
+    """The model that a run of the case assumes; raises NotIdentifiedError."""
     settings = FilterSettings(led_nodes=body.led)
     if case.constants == "true":
         return Model(body.network, settings=settings)
@@ -39,9 +39,9 @@ def assumed(body: Body, case: Case) -> Model:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with random log-normal factors, of 20 % standard deviation, on each stiffness, dashpot and mass.
+    """The network with a random log-normal factor of 20 % standard deviation on each stiffness, dashpot and mass.
 
-    If the body is drawn at rest, rest lengths are fitted to the drawing, as a user would do.
+    If the body is drawn at rest, rest lengths are fitted to the drawn shape.
     """
     network = body.network
 
@@ -59,11 +59,11 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 
 
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
-    """Constants fitted to another recording of the same body that shows every node; raises NotIdentifiedError.
+    """Model with constants fitted to another recording of the body; raises NotIdentifiedError.
 
-    seconds: limit of its processor time [s]
-    The fit starts from exact masses, and from stiffnesses and dashpots with a common wrong factor for each kind. Rest
-    lengths are also fitted, because those from a drawing at rest depend on the wrong stiffnesses.
+    seconds: limit of the fit's processor time [s]
+    The recording shows every node. The fit starts from exact masses. All springs of a kind start with one wrong factor
+    on their stiffness, and another on their dashpots. Rest lengths are fitted, too.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])
@@ -97,7 +97,7 @@ def _kinds(body: Body) -> tuple[str, ...]:
 
 
 def measured(body: Body, names: tuple[str, ...], seed: int) -> Frames:
-    """Frames: times [s], each with noisy marks of these nodes."""
+    """Frames with noisy marks of these nodes."""
     rng = np.random.default_rng([seed, 1])
     places = body.positions[:, [body.network.index(name) for name in names]]
     return frames_of(body.times_s, places + rng.normal(0.0, body.mark_sd_m, places.shape), names, body.mark_sd_m)

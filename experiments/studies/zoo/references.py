@@ -1,4 +1,4 @@
-"""Methods with which the filter is compared: the paper's open loop, and a spline through the visible marks."""
+"""Reference methods: the paper's open loop, and a spline through the visible marks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from experiments.simulation.bodies.body import Body
 from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
-"""Largest extent of a body in a direction in which it counts as flat, relative to its largest extent."""
+"""Extent of a body in a direction, relative to its largest extent, up to which it counts as flat in this direction."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
-    """Hidden nodes' positions [m], (n_frames, n_hidden, dim), by the paper's method; None without an initial shape."""
+    """Positions of hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None if it cannot start."""
     try:
         method = OpenLoop(network, body.hidden[0])
     except NetworkError:
         return None
     nodes = [network.index(name) for name in body.hidden]
     places = []
-    with np.errstate(all="ignore"):  # overflow on divergence counts as its error
+    with np.errstate(all="ignore"):  # if the method diverges, its error is infinite
         for time_s, seen in frames:
             method.update(time_s, seen)
             places.append(method.positions[nodes].copy())
@@ -31,10 +31,10 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Hidden nodes' positions by a spline through visible nodes and anchors [m], (n_frames, n_hidden, dim).
+    """Positions of hidden nodes by a spline through marks and anchors [m], (n_frames, n_hidden, dim).
 
-    For nodes in a line it is a cubic spline along the length, else a thin-plate spline of the displacement from the
-    drawn shape.
+    If the nodes are in a line, the spline is cubic along the line. Otherwise a thin-plate spline interpolates the
+    displacements from the drawn shape.
     """
     network = body.network
     anchors = np.flatnonzero(network.fixed)
@@ -53,7 +53,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights, (n_wanted, n_known), with which a thin-plate spline interpolates; known, wanted: positions, (n, dim)."""
+    """Weights of a thin-plate spline, (n_wanted, n_known); known, wanted: positions of data and results, (n, dim)."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]

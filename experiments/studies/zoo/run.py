@@ -1,4 +1,4 @@
-"""One run of the zoo: figures of the filter and of the reference methods on one body, as a record."""
+"""One run of the zoo: figures of the filter and of the reference methods on one body."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ LIMIT_S = 60.0
 """Limit of the filter's processor time in a run [s]."""
 
 KERNELS_S = 0.5
-"""Length of the recordings that only load compiled code [s]; numerical."""
+"""Length of the recordings of `compile_kernels` [s]; numerical."""
 
 
 def run(case: Case) -> Record:
-    """The case's figures: errors [m] of filter, open loop and spline, coverage, NEES, faults, time per frame."""
+    """Figures of a case: errors of filter, open loop and spline [m], coverage, NEES, failures, time per frame [ms]."""
     body = case.motion
     hidden = [body.network.index(name) for name in body.hidden]
     truth = body.positions[:, hidden]
@@ -60,7 +60,7 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """The result of `run` for a case in JSON types, which `run_study` passes."""
+    """The result of `run`; case: its fields as JSON types, which `run_study` passes."""
     return run(Case.from_json(case))
 
 
@@ -74,7 +74,7 @@ def compile_kernels() -> None:
 
 
 def filtered(model: Model, body: Body, seed: int, limit_s: float) -> Followed:
-    """One run of the filter."""
+    """Run the filter on noisy marks of the body; limit_s: limit of its processor time [s]."""
     begun = partial(
         TissueFilter, model.network, body.hidden[0], body.marked, model.settings, uncertainty=model.uncertainty
     )

@@ -16,15 +16,16 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""Errors above which TRACKING is wrong, in sigmas and relative to the body's size: both must be exceeded."""
+"""TRACKING is wrong if an error exceeds both bounds: the first in sigmas, the second relative to the body's size."""
 
 
 @dataclass(slots=True, eq=False)
 class Followed:
     """Estimates of a filter for a recording, until its end, a failure, or the time limit.
 
-    means: hidden points [m], (n, n_hidden, dim); covs: [m²], (n, n_hidden, dim, dim); status: status of each frame
-    seconds: processor time of predict and update [s]; repairs: counts by kind; failure: empty, or why it ended early
+    means: positions of hidden points [m], (n, n_hidden, dim); covs: their covariances [m²], (n, n_hidden, dim, dim)
+    status: status of each frame; seconds: the filter's processor time [s]
+    repairs: number of the filter's numerical repairs, by kind; failure: why the run ended early, empty if it did not
     """
 
     means: Floats
@@ -47,15 +48,15 @@ def followed(
     frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
     limit_s: float = np.inf,
 ) -> Followed:
-    """Run a filter through a recording, and compute all hidden points of the network from its state.
+    """Run a filter through a recording; returns its estimates of the hidden points.
 
-    begun: creates the filter; limit_s: limit of its processor time [s]
+    begun: function that creates the filter; limit_s: limit of the filter's processor time [s]
     """
     means, covs = [], []
     found = Followed(np.empty((0, len(hidden), network.dim)), np.empty((0, len(hidden), network.dim, network.dim)))
     start_s = time.process_time()
     try:
-        with np.errstate(all="ignore"):  # states that overflow are counted
+        with np.errstate(all="ignore"):  # the scores count states that overflow
             tissue = begun()
             maps = [target_map(network, one) for one in hidden]
             for time_s, marks in frames:
@@ -78,7 +79,7 @@ def followed(
 
 
 def mean_distance(places: Floats, truth: Floats) -> float:
-    """Mean distance of positions from the truth [m], each (..., dim); infinite for non-finite positions."""
+    """Mean distance of positions from the truth [m]; infinite if a position is not finite. Both: [m], (..., dim)."""
     if not np.isfinite(places).all():
         return float("inf")
     return float(np.linalg.norm(places - truth, axis=-1).mean())
@@ -87,12 +88,13 @@ def mean_distance(places: Floats, truth: Floats) -> float:
 def hidden_scores(
     means: Floats, covs: Floats, truth: Floats, *, tracking: NDArray[np.bool_], size_m: float
 ) -> dict[str, float | int]:
-    """Figures of all hidden nodes in all frames together.
+    """Figures over all hidden points and all frames.
 
-    means, truth [m], (n_frames, n_hidden, dim); covs [m²], (n_frames, n_hidden, dim, dim); tracking: (n_frames,)
-    non_finite: number of estimates that are not finite or have no positive definite covariance; `error_m` is then
-    infinite, and the other figures omit them
-    wrong_tracking: number of TRACKING frames with an error of a node above five sigma and a tenth of the body's size
+    means, truth: positions [m], (n_frames, n_hidden, dim); covs: [m²], (n_frames, n_hidden, dim, dim)
+    tracking: whether each frame is TRACKING, (n_frames,); size_m: extent of the body [m]
+    non_finite: number of estimates with a non-finite value or without a positive definite covariance. `nees` and
+    `sigma_m` omit such estimates. A non-finite position makes the errors infinite.
+    wrong_tracking: number of TRACKING frames in which an error exceeds both `SIGMAS` and `SHARE_OF_SIZE`
     """
     dim = truth.shape[-1]
     errors = (means - truth).reshape(-1, dim)

@@ -1,4 +1,4 @@
-"""Figures of each cell of the zoo, their required bounds, and tables of both."""
+"""Figures of each cell of the zoo, required bounds, and tables."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from experiments.studies.zoo.case import Case
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Figures of a body with one kind of constants or scale, over its seeds; errors are means over runs [mm].
+    """Figures of a body with one scale and one kind of constants over its seeds; errors are means over runs [mm].
 
-    runs, failed: numbers of all runs, and of runs that ended early or did not start; failure: reason of the first one
-    ratio: filter's error divided by the lesser error of open loop and spline; None if nothing was estimated
-    covered: share of truths in 95 % regions; nees: mean per degree of freedom
-    non_finite, wrong_tracking, repairs: counts over all runs; ms_a_frame: mean time per frame [ms]
+    runs, failed: number of runs, and of runs that ended early or did not start; failure: why the first of them failed
+    ratio: the filter's error divided by the smaller error of open loop and spline; None without estimates
+    covered: coverage of the 95 % region; nees: mean NEES per dimension
+    non_finite, wrong_tracking, repairs: sums over runs, see `hidden_scores`; ms_a_frame: mean time per frame [ms]
     """
 
     name: str
@@ -44,7 +44,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Required bounds for a kind of constants: geometric mean and maximum of ratios, least and largest coverage."""
+    """Required bounds: on the geometric mean of ratios, on the largest ratio, and on the coverage (least, largest)."""
 
     mean_ratio: float
     worst_ratio: float
@@ -56,11 +56,11 @@ BOUNDS = {"true": GOOD, "identified": GOOD, "wrong": Bounds(0.9, 1.15, (0.85, 1.
 
 
 UNDECIDED = ("chain2", "chain3")
-"""Bodies whose hidden nodes may be anywhere within reach, so that no coverage is too large."""
+"""Bodies whose marks do not determine the hidden nodes; their coverage has no upper bound."""
 
 
 def cells_of(table: pd.DataFrame) -> list[Cell]:
-    """Figures of each cell, in the order of first runs; table: cases, their records and failures, (n_runs,) rows."""
+    """Figures of each cell; table: a row for each run with its case, its figures, and its failure."""
     by_name: dict[str, list[Mapping[str, Any]]] = {}
     for row in table.to_dict("records"):
         record = {
@@ -98,7 +98,7 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
 
 
 def faults(cell: Cell) -> list[str]:
-    """The bounds that the cell violates."""
+    """Names of the bounds that the cell violates."""
     bounds = BOUNDS[cell.constants]
     low, high = bounds.covered[0], 1.0 if cell.name.startswith(UNDECIDED) else bounds.covered[1]
     found = [] if cell.failed == 0 else [f"{cell.failed} of {cell.runs} failed"]
@@ -114,7 +114,7 @@ def faults(cell: Cell) -> list[str]:
 
 
 def summary(cells: Sequence[Cell]) -> str:
-    """A list in Markdown with an entry for each kind of constants: mean and worst ratio, number within all bounds."""
+    """List in Markdown: for each kind of constants the number of cells within all bounds, and the ratios."""
     lines = []
     ordered = sorted(cells, key=lambda cell: list(BOUNDS).index(cell.constants))
     for constants, group in groupby(ordered, key=lambda cell: cell.constants):
@@ -153,7 +153,7 @@ PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ra
 
 
 def page_tables(cells: Sequence[Cell]) -> str:
-    """The table of docs/zoo.md and the summary: a row per body with unscaled cells, and extremes of scaled cells."""
+    """The table of docs/zoo.md with a row for each body, and the summary below it."""
     bodies: dict[str, tuple[dict[str, Cell], list[Cell]]] = {}
     for cell in cells:
         body, kind = cell.name.split(", ")

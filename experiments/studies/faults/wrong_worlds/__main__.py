@@ -3,10 +3,11 @@
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-SciPy's DOP853 computes the truth, a poked and breathing body. A tracker sends its marks. With a scripted clock, a live
-session estimates the target and gives advice at every frame. One property of the world differs from the scene; what the
-scene does not state has defaults. The study counts moments of GO, and those with a wrong estimate: the truth is outside
-the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
+SciPy's DOP853 computes the true motion of a poked and breathing body; a simulated tracker measures its marks. A live
+session with a scripted clock estimates the target and gives advice at every frame. In each world one property differs
+from the stated scene; properties that the scene does not state have their defaults. The study counts how often GO is
+displayed, and how often the estimate is then wrong: the error exceeds 1 mm, and the truth is outside the 99.9 % region.
+Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bodies of the study, each with a user's scene."""
+"""Bodies of the study and their scenes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, without stated uncertainties."""
+    """Scene of a body, with a colour for each mark and without stated uncertainties."""
     scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
     return replace(scene, target=target, reference=Reference(), settings=FilterSettings())

@@ -1,4 +1,4 @@
-"""Wrong worlds: one difference from the stated scene for each row of the table."""
+"""Wrong worlds, one for each row of the table: each differs from the stated scene in one property."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ WEIGHT = 9.81
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A row of the table: the true world, and the stated scene.
+    """A row of the table: a true world, and the scene that is stated for it.
 
-    onset_s: time from which the world is wrong and moments are counted [s]
-    truth: difference of the body from the scene; seen: function that changes a tracker's frames
-    scene: function that makes the stated scene; target: further keys of `[target]` that it states
-    sd_m: the marks' standard deviation as stated [m]; reference: whether the scene has reference marks on anchors
+    onset_s: time from which the world differs from the scene and displays are evaluated [s]
+    truth: the true body and the forces on it; seen: function that changes the tracker's frames
+    scene: function that changes the stated scene; target: keys that are added to its table `[target]`
+    sd_m: stated standard deviation of the marks [m]; reference: whether the scene has reference marks on its anchors
     """
 
     onset_s: float = 0.0
@@ -55,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """Displace all marks, or one, in a random direction [m], as a function of the times since the onset [s], (n,)."""
+    """Displace all marks, or one mark, in a random direction; `by`: displacements [m] at times since the onset [s]."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -68,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """Frames of a camera rotated about the picture's centre; in space about a random axis."""
+    """Rotate all marks about the body's centre from the onset on, in space about a random axis."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -119,13 +119,13 @@ Factor = float | Callable[[Scene], Floats]
 
 
 def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
-    """The network with its constants of these kinds multiplied by their factors."""
+    """The network with constants multiplied by these factors, by kind of constant."""
     own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
     return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 
 
 def _body(**factors: Factor) -> Truth:
-    """A body whose constants have these factors, drawn at its rest."""
+    """A true body with constants multiplied by these factors, drawn in its own rest shape."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -143,14 +143,14 @@ def _truly(change: Becomes) -> Truth:
 
 
 def _of_target(factor: float) -> Callable[[Scene], Floats]:
-    """Function that returns factors of springs, (n_springs,): `factor` at the target, 1 elsewhere."""
+    """Function that returns a factor for each spring, (n_springs,): `factor` for the target's springs, 1 for others."""
     return lambda scene: np.where(
         (scene.network.springs == scene.network.index(scene.target.node)).any(axis=1), factor, 1.0
     )
 
 
 def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
-    """The same with `factor` only for the spring at the target that has the largest load at rest."""
+    """Function like `_of_target`, but only the target's spring with the largest load at rest gets `factor`."""
 
     def factors(scene: Scene) -> Floats:
         network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
@@ -165,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The target's springs have 0.3 of their stiffness and the same loads, so that the body rests as drawn."""
+    """The network with 0.3 of the stiffness of the target's springs; new rest lengths keep their forces at rest."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with the target's rest position moved in a random direction that has an equilibrium."""
+        """The body with a displaced rest position of the target; the random direction permits an equilibrium."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:

@@ -1,4 +1,4 @@
-"""One run: a live session on a world that differs from its scene, and the moments when it was wrong."""
+"""One run: a live session on a world that differs from its scene, and the evaluation of what it displays."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
 """Squared radius of the 95 % region, by dimension [sigmas²]."""
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""Hue [degrees], which no other mark has, and diameter [mm] of reference marks for a camera."""
+"""Hue [degrees] and diameter [mm] of the reference marks of a scene with cameras; no other mark has this hue."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
     """The display at one time, and whether it was right.
 
-    of_frame: whether a frame came; advice: None without advice
+    of_frame: whether the display follows from a new frame; why: the displayed reason
+    advice: the displayed advice, None if there is none
     error_m: error of the target [m]; covered: whether the truth lies in the 95 % region; wrong: see `is_wrong`
     """
 
@@ -65,7 +66,7 @@ class Moment:
 
 
 class Judging(Publisher):
-    """A `Publisher` that evaluates what is displayed from a time on. State: the moments."""
+    """A `Publisher` that evaluates what is displayed from onset_s [s] on. State: the evaluated moments."""
 
     def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
         self._motion, self._target, self._onset_s = motion, target, onset_s
@@ -139,7 +140,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """The user's scene file of the world."""
+    """Text of the scene file that states this world."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -156,8 +157,10 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """The figures of a run's moments.
 
-    tracking, tracking_wrong, covered: number of frames; go, go_wrong: number of moments; shown: most frequent display
-    error_mm: median over TRACKING frames
+    frames, tracking: number of all frames and of TRACKING frames
+    tracking_wrong, covered: number of TRACKING frames with a wrong estimate, and with the truth in the 95 % region
+    go, go_wrong: number of moments with GO, and of those with a wrong estimate
+    error_mm: median error of TRACKING frames; shown: the text displayed most often
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]

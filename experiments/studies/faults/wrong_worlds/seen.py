@@ -19,14 +19,15 @@ from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion
 
 MARK_SD_M = 1e-3
-"""Standard deviation of the marks for each axis [m]."""
+"""Standard deviation of the marks' noise on each axis [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
     """Frames of a tracker.
 
-    exposed_s: exposure times [s], (n,); stated_s: the same by the tracker's clock; arrive_s: arrival of the lines
+    exposed_s, stated_s: exposure times by the true clock and by the tracker's clock [s], (n,)
+    arrive_s: arrival times of the lines by the true clock [s], (n,)
     nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim)
     middle: centre of the body as drawn [m], (dim,)
     """
@@ -39,7 +40,7 @@ class Seen:
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Whether each frame is exposed in this period, from begins_s on for lasts_s [s], (n,)."""
+        """Whether each frame is exposed in the lasts_s [s] after the time begins_s [s], (n,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
@@ -47,7 +48,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """Frames of marks on these nodes by a tracker, accurate to `MARK_SD_M`, with a right clock and without delay."""
+    """Frames of a tracker with marks on these nodes and noise of `MARK_SD_M`, without clock error and delay."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])
@@ -57,7 +58,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """Arrival of each line on the clock [s], and the line, in the order of arrival; sd_m: stated sd of marks [m]."""
+    """The tracker's lines in the order of arrival, each with its arrival time [s]; sd_m: stated sd of marks [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
@@ -71,22 +72,22 @@ def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
 
 
 class _Script:
-    """A feed whose lines are given by a script. State: whether the script is over."""
+    """A feed that reads nothing, because `ScriptedMarks` adds the lines. State: whether the run is over."""
 
     def __init__(self) -> None:
         self._over = threading.Event()
 
     def run(self, _receiver: LiveMarks) -> None:
-        """Wait for the script's end."""
+        """Wait until the run is over."""
         self._over.wait()
 
     def close(self) -> None:
-        """End the script."""
+        """End the run."""
         self._over.set()
 
 
 class ScriptedMarks(LiveMarks):
-    """Live marks with scripted lines. State: the script's clock [s], the remaining lines."""
+    """Live marks from lines with scripted arrival times. State: the script's clock [s], the remaining lines."""
 
     def __init__(self, scene: Scene, lines: list[tuple[float, bytes]]) -> None:
         self.now_s = BEGAN_S
@@ -97,11 +98,11 @@ class ScriptedMarks(LiveMarks):
 
     @property
     def ended(self) -> bool:
-        """Whether the script is over."""
+        """Whether all lines have been used."""
         return self._at_end or super().ended
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that has come, or the first that comes within timeout_s [s]."""
+        """The newest frame that has arrived; if there is none, the first that arrives within timeout_s [s]."""
         until_s = self.now_s + timeout_s
         while self._to_come and self._to_come[0][0] <= self.now_s:
             self.take_line(self._to_come.popleft()[1])
@@ -117,6 +118,6 @@ class ScriptedMarks(LiveMarks):
         return frame
 
     def close(self) -> None:
-        """End the script, and the thread that waits for it."""
+        """End the run and the thread that waits for its end."""
         self._script.close()
         super().close()

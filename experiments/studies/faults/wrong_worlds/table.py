@@ -1,4 +1,4 @@
-"""Table of the study: a row for each world and body, and a line for each world."""
+"""Tables of the study: one with a row for each world and body, one with a row for each world."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from experiments.studies.faults.wrong_worlds.rows import WORLDS
 from experiments.studies.faults.wrong_worlds.run import REFUSED
 
 MOST = 0.005
-"""Largest permitted share of the moments of GO with a wrong estimate; a requirement."""
+"""Largest permitted share of wrong estimates in moments with GO; a requirement."""
 
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Bounds on median error [mm] and coverage [%] within which a world without a wrong GO gets no own line; choice: the
-first is the marks' noise."""
+"""Largest median error [mm] and least coverage [%] with which a world without a wrong GO gets no row; choice: the first
+is the marks' noise."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each world and body, summed over seeds; error_mm: median over seeds."""
+    """A row for each world and body, with sums over seeds; error_mm: median over seeds."""
     rows = []
     for (world, body), own in runs.groupby(["world", "body"], sort=False):
         sums = own[SUMS].sum()
@@ -34,7 +34,10 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """A line for each world over all bodies, marked if outside the bound. Harmless worlds are named below."""
+    """Table with a row for each world, in bold if the share of wrong GO exceeds `MOST` with any body.
+
+    Worlds within the bounds `HARMLESS` have no row; a line below the table names them.
+    """
     lines, harmless = [], []
     for world in WORLDS:
         own = rows[rows["world"] == world]

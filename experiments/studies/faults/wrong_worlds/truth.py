@@ -31,10 +31,12 @@ TURNS_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """Forces on the body: pokes and a breath of the marked nodes [m/s²]; 0 means none.
+    """Forces on the body.
 
-    everywhere: whether the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s; hidden:
-    whether the target is also poked; second: whether there is a second breath with another period and direction
+    pokes_m_s2, breath_m_s2: accelerations of the marked nodes by pokes and by a breath; 0 means none
+    everywhere: whether the breath accelerates all free nodes; hidden: whether the target is also poked
+    turned_deg: angle by which gravity turns in 2 s
+    second: whether there is a second breath with another period and direction
     """
 
     pokes_m_s2: float = 5.0
@@ -50,7 +52,10 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """How the true body differs from the scene's from the start and from the onset on, and the forces on it."""
+    """The true body and the forces on it.
+
+    network: function that returns the body's network; becomes: function that changes the network at onset_s [s]
+    """
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -63,9 +68,9 @@ AS_STATED = Truth()
 
 @lru_cache(maxsize=32)
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
-    """The motion of a scene's body; cached, because most worlds share it.
+    """The true motion of a scene's body; cached, because most worlds have the same motion.
 
-    Raises RuntimeError if the body has no rest, which does not happen for an accepted scene.
+    Raises RuntimeError if the body has no rest shape, which does not happen for an accepted scene.
     """
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
@@ -99,7 +104,7 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
 
 
 def _posture(gravity: Floats, turned_deg: float) -> Posture:
-    """A rotation of a scene's gravity, which is along an axis, towards the next axis."""
+    """Gravity turns by this angle, from the axis along which it acts towards the next axis."""
     angle = np.radians(turned_deg)
     to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
     return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
