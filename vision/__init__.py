@@ -7,7 +7,7 @@ Names to start with:
 
     open_source           frames from a camera, film, folder or stream
     Frame                 image with its exposure time
-    MarkHue, learn_hue    colour of a kind of mark, and learning it from a click
+    MarkHue, learn_hue    colour range of a kind of mark, and learning it from a position in a picture
     detect_marks          detection of marks in one picture
     MarkFinder            detection and tracking of named marks in frames
     Expected              expected position of a mark

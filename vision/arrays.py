@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 Image = NDArray[np.uint8]
-"""A picture of 8 bits, (height, width, 3) in the order BGR, or (height, width)."""
+"""A picture of 8 bits: (height, width, 3) in BGR order, or (height, width)."""
 
 Picture = NDArray[Any]
-"""A picture of integers or floating-point numbers, the type in OpenCV's stubs; shaped as `Image`."""
+"""A picture of integers or floating-point numbers, with the shapes of `Image`."""

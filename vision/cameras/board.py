@@ -19,7 +19,8 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Side to which squares are shrunk for the search for a larger board [px]; choice: corners are still detectable."""
+"""For the search for a larger board, the picture is shrunk until a square has this side [px]; choice: corners are
+still detectable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class Board:
 
     columns, rows: number of inner corners along x and along y
     square_m: side of a square [m]
-    dictionary, marker_m: dictionary and side [m] of a ChArUco board's markers; None for a chessboard
+    dictionary, marker_m: dictionary of a ChArUco board's markers, and side of a marker [m]; None for a chessboard
 
     Raises ValueError that names the invalid field.
     """
@@ -73,7 +74,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of a board detected in a picture: in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
+    """Detected corners of a board; board_m: in board axes [m], (n, 3); seen_px: in the picture [px], (n, 2)."""
 
     board_m: Floats
     seen_px: Floats
@@ -86,7 +87,7 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
     """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None if it is not found.
 
-    A chessboard must be completely visible; a ChArUco board needs settings.fewest_corners corners in two rows.
+    A chessboard must be completely visible. A ChArUco board needs settings.fewest_corners corners, not all on one line.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
@@ -107,9 +108,9 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """The board with one more column or row than stated, if the picture shows such a board, else None.
+    """The board with one more column or one more row, if the picture, (height, width), shows it; else None.
 
-    image: (height, width) grey; only the part near the corners is searched: a search of all pixels takes seconds
+    To save time, only the part of the picture near the detected corners is searched.
     """
     if board.dictionary is not None:
         return None
@@ -132,7 +133,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """The grid seen from the printed side, with a dark first square, or with x to the right if both ends are equal."""
+    """The grid in the order of the printed side: the first square is dark, or x is right if both ends look equal."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

@@ -20,17 +20,21 @@ N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
 
 
 class CalibrationError(ValueError):
-    """Error for pictures that do not allow a calibration; the message, one line, says why and what to do."""
+    """Error for pictures that do not allow a calibration; the message says why, and what to do."""
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J with normalised columns; above it the inverse has only 2 or 3 correct digits."""
+"""Largest condition number of J'J, for the Jacobian J with normalised columns; above it, the inverse is inaccurate."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """A board in a camera, both by number: its corners in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
+    """The corners of one board in the picture of one camera.
+
+    camera, board: indices of the camera and of the board in `Setup`
+    board_m: the corners in board axes [m], (n, 3); seen_px: in the picture [px], (n, 2)
+    """
 
     camera: int
     board: int
@@ -40,14 +44,14 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setup:
-    """Lenses, poses of the cameras (world to camera) and of the boards (board to world)."""
+    """Lens of each camera, pose of each camera (world to camera), and pose of each board (board to world)."""
 
     lenses: tuple[Lens, ...]
     cameras: tuple[Pose, ...]
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """The setup after a step, (15 n_cameras + 6 (n_boards - 1),): all cameras, then all boards except `plane`."""
+        """The setup after a step, (n,), of the parameters of all cameras, then of all boards except board `plane`."""
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
         moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
@@ -66,9 +70,9 @@ class Adjusted:
     """Result of a bundle adjustment.
 
     setup: fitted cameras and boards
-    residuals_px: detected minus expected corners of each sighting, each (n, 2) [px]
-    cov: covariance of all cameras' parameters, (15 n_cameras, 15 n_cameras), with boards marginalised;
-        for each camera fx fy cx cy k1 k2 p1 p2 k3, small rotation from the left [rad], translation [m]
+    residuals_px: detected minus expected corners of each sighting [px], each (n, 2)
+    cov: covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras); the boards are marginalised.
+        Each camera has fx fy cx cy k1 k2 p1 p2 k3, a small rotation applied from the left [rad], a translation [m].
     """
 
     setup: Setup
@@ -77,9 +81,10 @@ class Adjusted:
 
 
 def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequence[float]) -> Adjusted:
-    """Least-squares fit of lenses, cameras and boards; board `plane` defines the world and is fixed.
+    """Least-squares fit of lenses, poses of cameras and poses of boards.
 
-    sds_px: standard deviation of each camera's corners [px], up to a common factor that the residuals determine
+    plane: index of the board that defines the world; its pose is fixed
+    sds_px: standard deviation of each camera's corners [px]; only the ratios matter, the residuals determine the scale
 
     Raises CalibrationError if the corners do not determine the parameters.
     """
@@ -91,7 +96,7 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
         return np.concatenate(each)
 
     def jacobian(step: Floats) -> Floats:
-        # Steps are additive, rotations are not: the left Jacobian of the rotation group converts between them.
+        # _jacobian is for a small rotation after the step. The left Jacobian converts it to a change of the step.
         J = _jacobian(start.moved(step, plane), sightings, weights, plane)
         for first in _rotations(len(start.cameras), len(start.boards)):
             J[:, first : first + 3] = J[:, first : first + 3] @ _left_jacobian(step[first : first + 3])
@@ -115,7 +120,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives, (n, 2, 3), of projections of world points [m], (n, 3), with respect to positions in camera axes."""
+    """Derivatives [px/m], (n, 2, 3), of projections of world points [m], (n, 3), for shifts of them in camera axes."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -135,7 +140,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals with respect to a small step of `Setup.moved`."""
+    """Derivatives of the weighted residuals with respect to a small step, as `Setup.moved` applies it."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []
@@ -160,20 +165,20 @@ def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[flo
 
 
 def _rotations(n_cameras: int, n_boards: int) -> list[int]:
-    """Indices at which small rotations begin among the parameters."""
+    """For each small rotation, the index of its first component among all parameters."""
     cameras = [N_CAMERA * c + N_LENS for c in range(n_cameras)]
     return cameras + [N_CAMERA * n_cameras + N_BOARD * b for b in range(n_boards - 1)]
 
 
 def _cross(vectors: Floats) -> Floats:
-    """Matrices that multiply by these vectors in a cross product from the left, (n, 3, 3)."""
+    """Cross-product matrices of vectors v, (n, 3, 3): each matrix times x is v cross x."""
     x, y, z = vectors.T
     o = np.zeros(len(vectors))
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
 
 
 def _left_jacobian(turn: Floats) -> Floats:
-    """Derivative of the rotation exp(turn), from the left, with respect to `turn`, (3, 3)."""
+    """Left Jacobian of the rotation group at the rotation vector `turn`, (3, 3)."""
     angle = float(np.linalg.norm(turn))
     W = _cross(turn[None])[0]
     if angle < 1e-6:

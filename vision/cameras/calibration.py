@@ -44,14 +44,15 @@ class Calibration:
     name: name of the camera
     size_px: width and height of its pictures [px]
     lens: matrix and distortion k1 k2 p1 p2 k3
-    plane_image: the picture whose board lies on the plane of the world
-    pose: world to camera
-    uncertainty: rows of independent directions, one standard deviation each, (n, 15): fx fy cx cy [px],
-        k1 k2 p1 p2 k3, small rotation from the left in camera axes [rad], translation [m]; in a joint calibration a row
-        is one direction for all cameras
-    images_used: names of used pictures; images_left_out: "name: reason" of omitted ones
-    views: pose from board to camera, for each picture used
-    seen_px, residuals_px: detected corners, and detected minus expected ones, for each picture used (n, 2) [px]
+    plane_image: name of the picture whose board lies on the plane of the world
+    pose: pose from world axes to camera axes
+    uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px],
+        k1 k2 p1 p2 k3, a small rotation in camera axes, applied from the left [rad], and a translation [m]. Each row is
+        an independent error of one standard deviation. After a joint calibration, row i is one error of all cameras.
+    images_used: names of the used pictures; images_left_out: "name: reason" of each omitted picture
+    views: pose from board axes to camera axes, for each used picture
+    seen_px: detected corners of each used picture [px], each (n, 2)
+    residuals_px: detected minus expected corners of each used picture [px], each (n, 2)
     """
 
     name: str
@@ -132,11 +133,13 @@ def calibrate(
     left_out: Sequence[str] = (),
     settings: CalibrationSettings = DEFAULTS,
 ) -> Calibration:
-    """Calibrate a camera from views; `plane` names the picture of the board on the plane, by default the last used.
+    """Calibrate a camera from views of a board.
 
-    left_out: "name: reason" of pictures without a board, to be stored in the result
+    plane: name of the picture whose board lies on the plane of the world; default: the last used picture
+    left_out: "name: reason" of each picture without a board, to be stored in the result
 
-    Raises CalibrationError for fewer than four views, too similar views, or if the plane's picture is not used.
+    Raises CalibrationError if there are fewer than settings.fewest_views views, if the views are too similar, or if the
+    picture `plane` is not used.
     """
     used, dropped, lens = _without_outliers(views, size_px, [*left_out], settings)
     names = [view.name for view in used]
@@ -161,7 +164,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Rotation by quarter turns, world to board, after which x points most nearly to the right for this camera."""
+    """Rotation of the world axes about z, by quarter turns, after which this camera sees x most nearly to the right."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
@@ -169,7 +172,7 @@ def upright(camera: Pose) -> Pose:
 
 
 def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
-    """Raise CalibrationError if a focal length is too uncertain; cov: covariance of fx fy ..., 9 or more rows."""
+    """Raise CalibrationError if fx or fy is too uncertain; cov: covariance that begins with fx and fy [px²], (n, n)."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
     most = settings.largest_focal_sd
     if not share < most:

@@ -14,12 +14,12 @@ from numba import njit
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Largest number of steps of the undistortion; four suffice for k1 = -0.3 at the corner of the picture."""
+"""Largest number of Newton steps of the undistortion; four steps suffice for k1 = -0.3 at the picture's corner."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Pose as a rigid motion x -> rotation x + translation_m: rotation (3, 3), translation (3,) [m]."""
+    """Pose: the rigid motion that maps x to rotation x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
 
     rotation: Floats
     translation_m: Floats
@@ -33,16 +33,18 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """The pose after a step, (6,): small rotation step[:3] [rad] from the left, shift step[3:] [m]."""
+        """The pose after a step, (6,): a rotation vector [rad], applied from the left, and an added translation [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """A lens: matrix (3, 3) [px] and distortion, as in OpenCV.
+    """A lens, as in OpenCV.
 
-    distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, (12,)
-    The ideal position of a point is its position in a picture with the same matrix and without distortion.
+    matrix: camera matrix [px], (3, 3)
+    distortion: k1 k2 p1 p2 k3, (5,); or these and k4 k5 k6, (8,); or all these and s1 s2 s3 s4, (12,)
+
+    The ideal position of a point is its position in the picture of a lens with this matrix and no distortion.
     """
 
     matrix: Floats
@@ -53,7 +55,7 @@ class Lens:
         object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
-        """The lens after a change, (9,), of fx fy cx cy k1 k2 p1 p2 k3; other distortion coefficients do not change."""
+        """The lens after a change of fx fy cx cy k1 k2 p1 p2 k3, (9,)."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()
@@ -61,11 +63,11 @@ class Lens:
         return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
-        """Distorted positions, (n, 2), of ideal positions, (n, 2), and the Jacobian, (n, 2, 2)."""
+        """Distorted positions of points, (n, 2), and their Jacobians, (n, 2, 2), at ideal positions, (n, 2)."""
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """Ideal positions, (n, 2), of distorted positions, (n, 2), by Newton's method; ValueError if there are none."""
+        """Ideal positions, (n, 2), of distorted positions, (n, 2); ValueError for a position that has none."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)
@@ -89,9 +91,9 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivative [px], (n, 2, 15), of the projections of points [m], (n, 3), with respect to lens and pose.
+    """Derivatives [px], (n, 2, 15), of the projections of points [m], (n, 3), with respect to lens and pose.
 
-    The order is that of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
+    The parameters are those of `Calibration.uncertainty`, in its order.
     """
     turned, zero = points_m @ pose.rotation.T, np.zeros(3)
     _, all_of_it = cv2.projectPoints(turned + pose.translation_m, zero, zero, lens.matrix, lens.distortion)
@@ -103,7 +105,7 @@ def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
 
 @njit(cache=True, nogil=True)
 def _distorted(ideal, matrix, distortion):  # type: ignore[no-untyped-def]
-    """As `Lens.distorted`, with a distortion (12,)."""
+    """As `Lens.distorted`; distortion: all coefficients, (12,)."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = distortion
     fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     seen, J = np.empty(ideal.shape), np.empty((len(ideal), 2, 2))

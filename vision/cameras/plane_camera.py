@@ -17,7 +17,7 @@ DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
 )
 DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
-"""Weights of points of the unit disc, with which means of polynomials over the disc are exact to degree 5."""
+"""Weights of the points `DISC`: with them, the mean of a polynomial over the unit disc is exact up to degree 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +27,11 @@ class PlaneCamera:
     name: name of the camera
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3); its scale is arbitrary
-    calibration_sd_px: error of each mark's position [px], one standard deviation per axis, independent between marks
-    lens: distortion of the homography's picture; None: no distortion
-    calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
-        each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
-    scale_sd: relative standard deviation of its millimetres per pixel about mid-picture [1], a further direction of the
-    calibration; None: not stated
+    calibration_sd_px: standard deviation per axis of an error of each mark's position, independent between marks [px]
+    lens: lens whose distortion acts after the homography; None: no distortion
+    calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
+    scale_sd: relative standard deviation of the scale in millimetres per pixel, an error that all marks share [1];
+        None: not stated
 
     Raises ValueError that names the invalid field.
     """
@@ -82,7 +81,7 @@ class PlaneCamera:
             object.__setattr__(self, key, value)
 
     def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
-        """The camera that sees a point x of the plane [m] where this one sees R x + t.
+        """Return a camera for other plane axes, which sees a point x where this camera sees the point R x + t.
 
         rotation: R, (2, 2); translation_m: t [m], (2,)
         """
@@ -99,12 +98,12 @@ class PlaneCamera:
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
-        """Covariances on the plane [m²], (n, 2, 2), from positions [px], (n, 2), with covariances [px²], (n, 2, 2)."""
+        """Covariances on the plane [m²], (n, 2, 2), from positions [px], (n, 2), and covariances [px²], (n, 2, 2)."""
         J = self._seen_from(points_px)[1]
         return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def cov_to_px(self, points_m: ArrayLike, covs_m: ArrayLike) -> Floats:
-        """Covariances in the picture [px²], (n, 2, 2), of points [m], (n, 2), with covariances [m²], (n, 2, 2)."""
+        """Covariances in the picture [px²], (n, 2, 2), from points [m], (n, 2), and covariances [m²], (n, 2, 2)."""
         J = self._seen(points_m)[1]
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
@@ -114,24 +113,24 @@ class PlaneCamera:
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
     def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The image of a disc at a point of the plane, as `Outline.shape_px`, (2, 2) [px]."""
+        """Shape of the image of a disc on the plane [px], (2, 2), as in `Outline.shape_px`."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The image, a circle, of a ball about a point of the plane, as `Outline.shape_px`, (2, 2) [px].
+        """Circular shape of the image of a ball about a point of the plane [px], (2, 2), as in `Outline.shape_px`.
 
-        A ball is not foreshortened like a disc on the plane: its scale is that along the direction without
-        foreshortening, the greater singular value of the Jacobian. The true image is wider away from mid-picture, by 1
-        / cos of the angle to the optical axis, but a homography does not contain that angle.
+        A ball is not foreshortened like a disc on the plane. So its scale is the greater singular value of the
+        projection's Jacobian. Away from mid-picture the true image is an ellipse, longer by the factor 1 / cos of the
+        angle between ray and optical axis. It is not modelled, because a homography does not contain that angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Offset of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
+        """Offset from the image of a disc's centre to the centre of the disc's image [px], (n, 2).
 
         points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
-        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion also shifts it.
+        Perspective enlarges the half of the disc near the camera. Lens distortion adds to the offset.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -144,7 +143,7 @@ class PlaneCamera:
 
     @property
     def view_m(self) -> Floats | None:
-        """Corners of the picture on the plane, in order around it [m], (4, 2); None if any is beyond the horizon."""
+        """Points of the plane at the picture's corners, in order [m], (4, 2); None if one is beyond the horizon."""
         right, down = (size - 1.0 for size in self.size_px)
         try:
             return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])
@@ -153,7 +152,7 @@ class PlaneCamera:
 
     @property
     def pose(self) -> Pose:
-        """Pose of a camera with a lens, from the plane's axes (z = 0) to the camera's; ValueError without a lens."""
+        """Pose from the plane's axes, where the plane is z = 0, to camera axes; raises ValueError without a lens."""
         if self.lens is None:
             raise ValueError(f"camera {self.name}: expected a lens, found none")
         # H = s K [r1 r2 t]: columns of a rotation have length 1
@@ -162,7 +161,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """Shift of points of the plane [m] by one sd along each direction of the calibration, (n, 2, n_directions)."""
+        """Shifts [m], (n, 2, n_calibration), of points on the plane [m], (n, 2), by each calibration error."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         by_lens = self._lens_error(p)
         if not self.scale_sd:
@@ -173,11 +172,11 @@ class PlaneCamera:
 
     @property
     def n_calibration(self) -> int:
-        """Number of directions in which the calibration is uncertain."""
+        """Number of calibration errors: the rows of `calibration`, and one for `scale_sd`."""
         return len(self.calibration) + bool(self.scale_sd)
 
     def _lens_error(self, p: Floats) -> Floats:
-        """As `calibration_error`, for lens and pose only; p: [m], (n, 2)."""
+        """The part of `calibration_error` from lens and pose; p: points [m], (n, 2)."""
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         by_px = by_calibration(self.lens, self.pose, np.column_stack([p, np.zeros(len(p))]))
@@ -193,7 +192,7 @@ class PlaneCamera:
         return seen, bent @ J
 
     def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Points of the plane at these positions in the picture, (n, 2), and the Jacobian, (n, 2, 2)."""
+        """Points of the plane, (n, 2), and Jacobians, (n, 2, 2), from positions in the picture, (n, 2)."""
         if self.lens is None:
             return self._mapped(self.px_to_plane, points_px)
         ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
@@ -201,7 +200,7 @@ class PlaneCamera:
         return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
 
     def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Images of the points, (n, 2), and the Jacobian of the map at each, (n, 2, 2)."""
+        """Points mapped by a homography, (n, 2), and the Jacobian of the map at each point, (n, 2, 2)."""
         p = np.asarray(points, dtype=float).reshape(-1, 2)
         q = p @ homography[:, :2].T + homography[:, 2]
         w = q[:, 2:]
@@ -215,7 +214,7 @@ class PlaneCamera:
 
 
 def _inverse(name: str, homography: Floats) -> Floats:
-    # Columns in metres and pixels differ by factors of 1000: they are scaled before the test of the rank.
+    # Metres and pixels differ by factors of 1000. So columns and rows are scaled before the test of the rank.
     columns = np.linalg.norm(homography, axis=0)
     rows = np.linalg.norm(homography / np.where(columns > 0, columns, 1.0), axis=1)
     scaled = homography / np.where(columns > 0, columns, 1.0) / np.where(rows > 0, rows, 1.0)[:, None]
@@ -232,7 +231,7 @@ def fronto_parallel_camera(
     *,
     calibration_sd_px: float = 0.0,
 ) -> PlaneCamera:
-    """A camera perpendicular to the plane; mid-picture shows centre_m [m], a pixel is mm_per_px wide and high."""
+    """A camera perpendicular to the plane; mm_per_px: width, height of a pixel; centre_m: point at mid-picture [m]."""
     if not min(mm_per_px) > 0:
         raise ValueError(f"camera {name} mm_per_px: expected more than 0, found {mm_per_px}")
     across, down = 1e3 / mm_per_px[0], 1e3 / mm_per_px[1]
@@ -249,7 +248,7 @@ def posed_camera(
 ) -> PlaneCamera:
     """A camera with this lens and pose in front of the plane z = 0 of the world.
 
-    calibration: directions in which lens and pose are uncertain, each by one standard deviation, (n_directions, 15)
+    calibration: errors of lens and pose, (n, 15), as in `Calibration.uncertainty`
     """
     homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
     return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))

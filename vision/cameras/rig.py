@@ -16,7 +16,10 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """Pictures of a camera: its name, the pictures' size [px], views of the board, "name: reason" of other pictures."""
+    """The pictures of one camera, with their size [px].
+
+    views: the pictures in which the board was found; left_out: "name: reason" of each other picture
+    """
 
     name: str
     size_px: tuple[int, int]
@@ -31,12 +34,14 @@ def calibrate_together(
     *,
     settings: CalibrationSettings = DEFAULTS,
 ) -> list[Calibration]:
-    """Calibrate cameras, each alone, then all jointly; views with the same name show the board in the same position.
+    """Calibrate each camera alone, then all cameras jointly.
 
-    plane: the picture whose board defines the world, upright for the first camera; default: the last picture that the
-        first camera used
+    cameras: views of each camera; views with equal names must show the board in the same position
+    plane: name of the picture whose board defines the world axes; default: the last picture that the first camera used.
+        The first camera sees the world's x axis nearly to the right.
 
-    Raises CalibrationError, also if the board looks equal after a half turn, or no pictures connect the cameras.
+    Raises CalibrationError as `calibrate` does, and if the board looks equal after a half turn, if no common pictures
+    connect the cameras, or if pictures of equal name were not simultaneous.
     """
     if not board.has_one_way_up:
         raise CalibrationError(
@@ -69,7 +74,7 @@ def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
 
 
 def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
-    """Poses of cameras (world to camera) and boards (board to world), each by the first view that connects it."""
+    """Initial poses of the cameras (world to camera), and of the boards (board to world) by name."""
     boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
     poses: dict[int, Pose] = {}
     while len(poses) < len(alone):

@@ -9,17 +9,17 @@ from dataclasses import dataclass, fields
 class CalibrationSettings:
     """Settings of a calibration: valid boards, pictures and results.
 
-    corner_window: half width of the window in which a corner is refined, relative to the least distance of corners [1];
-        choice
+    corner_window: half width of the window in which a corner is refined, relative to the least distance between two
+        corners [1]; choice
     fewest_corners: least number of visible corners of a ChArUco board [1]; choice
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
-        the camera matrix, and one more shows whether they agree
-    outlier_ratio: a picture is omitted if its rms residual exceeds this many times the median of all [1]; choice
-    least_tilt_deg: angle by which at least two boards must differ [degrees]; choice: parallel boards determine no more
-    than one board ([zhang2000] section 4)
-    largest_focal_sd: relative standard error of a focal length above which pictures are too similar [1]; choice
-    together_px: pictures of one name were not simultaneous if the joint adjustment raises a camera's rms by more than
-        this [px]; choice
+        the camera matrix, and a fourth view shows whether they agree
+    outlier_ratio: largest rms residual of a used picture, relative to the median over all pictures [1]; choice
+    least_tilt_deg: least angle between the two boards that differ most [degrees]; choice: parallel boards determine no
+        more than one board ([zhang2000] section 4)
+    largest_focal_sd: largest relative standard error of a focal length; above it, the views are too similar [1]; choice
+    together_px: largest increase of a camera's rms residual by the joint adjustment; above it, pictures of equal name
+        were not simultaneous [px]; choice
 
     Raises ValueError that names the invalid field.
     """

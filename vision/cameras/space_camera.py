@@ -16,7 +16,7 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose, by_calibration
 
 RADII = np.linspace(0.02, 4.0, 200)
-"""Distances from mid-picture at which a lens is tested for a fold [half diagonals]; numerical."""
+"""Distances from mid-picture at which a lens model is tested for a fold [half diagonals of the picture]; numerical."""
 
 FAR_PX = 1e6
 """Distance from mid-picture that is beyond any picture [px]; numerical: polynomials do not overflow there."""
@@ -29,10 +29,9 @@ class SpaceCamera:
     name: name of the camera
     size_px: width and height of its picture [px]
     lens: matrix and distortion
-    pose: world to camera [m]
-    calibration_sd_px: error of each mark's position [px], one standard deviation per axis, independent between marks
-    calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
-        each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
+    pose: pose from world axes to camera axes
+    calibration_sd_px: standard deviation per axis of an error of each mark's position, independent between marks [px]
+    calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
 
     Raises ValueError that names the invalid field.
     """
@@ -67,12 +66,12 @@ class SpaceCamera:
     def project(self, points_m: ArrayLike) -> Floats:
         """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point behind the camera.
 
-        Far outside the picture a lens model may fold: the projection is right only for points `in_view`.
+        It is valid only for points that are `in_view`: the lens model may be wrong far outside the picture.
         """
         return self.seen(points_m)[0]
 
     def seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Projection of points [m], (n, 3), to the picture [px], (n, 2), and its derivative [px/m], (n, 2, 3)."""
+        """Projections [px], (n, 2), and derivatives of the projections [px/m], (n, 2, 3), of points [m], (n, 3)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         ideal, depth = self._ideal(p)
         if not (depth > 0.0).all():
@@ -81,7 +80,7 @@ class SpaceCamera:
         return self._bent(ideal, depth)
 
     def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Rays of positions in the picture [px], (n, 2): their origin [m], (3,), and unit directions, (n, 3)."""
+        """Origin [m], (3,), and unit directions, (n, 3), of the rays through positions in the picture [px], (n, 2)."""
         ideal = self.lens.ideal(np.array(points_px, dtype=float).reshape(-1, 2))
         ways = (ideal - self.lens.matrix[:2, 2]) / self.lens.matrix[[0, 1], [0, 1]]
         directions = np.column_stack([ways, np.ones(len(ways))]) @ self.pose.rotation
@@ -92,7 +91,7 @@ class SpaceCamera:
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Whether each point is `in_view`, (n,), and the results of `seen`, NaN for points behind the camera."""
+        """Whether points [m], (n, 3), are `in_view`, (n,), and results of `seen`, NaN for points behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -100,28 +99,31 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """The image of a disc at a point [m], (3,), with this normal, (3,), as `Outline.shape_px`, (2, 2) [px]."""
+        """`Outline.shape_px`, (2, 2) [px], of a disc with this centre [m], (3,), and this normal, (3,)."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The image of a ball about a point [m], (3,), as `Outline.shape_px`, (2, 2) [px]."""
+        """`Outline.shape_px`, (2, 2) [px], of a ball with this centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def calibration_error_px(self, points_m: ArrayLike) -> Floats:
-        """Shift of the projections of points [m], (n, 3), by one sd along each direction, (n, 2, n_directions) [px]."""
+        """Shifts [px], (n, 2, n_rows), of the projections of points [m], (n, 3), that rows of `calibration` cause."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         if not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         return self.moved_by(p, self.calibration)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shift of the projections of points [m], (n, 3), by small errors of lens and pose, (k, 15): (n, 2, k) [px]."""
+        """Shifts [px], (n, 2, k), of the projections of points [m], (n, 3), by small errors of lens and pose.
+
+        steps: the errors, (k, 15), with the parameters of `Calibration.uncertainty`
+        """
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
     def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
-        """Distorted positions [px], (n, 2), and derivatives [px/m], (n, 2, 3), of ideal ones [px] at depths [m]."""
+        """The results of `seen` from ideal positions [px], (n, 2), and depths [m], (n,)."""
         focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
         ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
         # u = f x / z + c: du = f (dx - (x / z) dz) / z
@@ -130,7 +132,7 @@ class SpaceCamera:
         return places, bent @ by_point
 
     def _ideal(self, points_m: Floats) -> tuple[Floats, Floats]:
-        """Ideal positions [px], (n, 2), and depths [m], (n,), of points [m]; NaN where the depth is 0 or less."""
+        """Ideal positions [px], (n, 2), and depths [m], (n,); a point behind the camera has the ideal position NaN."""
         at = points_m @ self.pose.rotation.T + self.pose.translation_m
         depth = at[:, 2]
         ways = at[:, :2] / np.where(depth > 0.0, depth, np.nan)[:, None]
@@ -139,7 +141,7 @@ class SpaceCamera:
 
 @lru_cache(maxsize=16)
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
-    """Distance of ideal positions from mid-picture up to which a lens model does not fold the picture [px]."""
+    """Distance from the principal point up to which the lens model is one-to-one [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]

@@ -1,7 +1,7 @@
 """Triangulation of points from the pictures of several cameras, with covariances.
 
-Any subset of the cameras may see a point. Least squares over the distances in the pictures start from the plain
-triangulation, the point nearest to its rays [hartley2004].
+Any subset of the cameras may see a point. The point minimises the squared distances in the pictures. The iteration
+starts from the point nearest to the rays in space, the plain triangulation [hartley2004].
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from vision.arrays import Floats
 from vision.cameras.space_camera import SpaceCamera
 
 STEPS = 8
-"""Largest number of Gauss-Newton steps; numerical: after the plain triangulation, three usually suffice."""
+"""Largest number of Gauss-Newton steps; numerical: from the plain triangulation, three steps usually suffice."""
 
 SETTLED_M = 1e-6
 """Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Largest root mean square effect of all omitted directions of the calibration on the projections [px]; choice: a tenth
-of a good mark's error, which adds a hundredth to its variance."""
+"""Largest root mean square shift of the projections by all omitted calibration errors together [px]; choice: a tenth of
+a good mark's error, which adds a hundredth to that error's variance."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -33,10 +33,10 @@ N_CALIBRATION = 15
 class Seen:
     """Positions of points in one camera's picture.
 
-    camera: the camera; which: indices of the points, each at most once, (m,)
-    places_px, covs_px2: positions [px], (m, 2), and their covariances [px²], (m, 2, 2)
-    steps: errors of the camera's lens and pose by one sd along independent directions, (n_shared, 15); a row is one
-        direction for all cameras
+    which: indices of the points that the camera sees, each at most once, (m,)
+    places_px, covs_px2: their positions in the picture [px], (m, 2), with covariances [px²], (m, 2, 2)
+    steps: independent errors of the camera's lens and pose, each of one standard deviation, (n_shared, 15), as in
+        `calibration_steps`
     """
 
     camera: SpaceCamera
@@ -50,10 +50,11 @@ class Seen:
 class Triangulated:
     """Triangulated points in space with their covariances.
 
-    positions, covs: positions [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
-    shared: shift by one sd along each direction of the calibration [m], (n, 3, n_shared)
-    misfit: sum of squared normalised distances in the pictures, minus the part that the calibration explains [1], (n,);
-        chi-square with 2 n_views - 3 degrees of freedom for points that n_views > 1 cameras see
+    positions: positions [m], (n, 3)
+    covs: covariances of the positions, without calibration errors [m²], (n, 3, 3)
+    shared: shift of each position that each calibration error causes [m], (n, 3, n_shared)
+    misfit: squared normalised residuals in the pictures, summed for each point, at the calibration errors that fit the
+        point best [1], (n,). If n_views > 1, it has a chi-square distribution with 2 n_views - 3 degrees of freedom.
     n_views: number of cameras that see each point, (n,)
     """
 
@@ -65,9 +66,9 @@ class Triangulated:
 
 
 def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
-    """The point with the least sum of squared distances from two or more rays [m], (3,): the plain triangulation.
+    """The point with the least sum of squared distances from two or more rays [m], (3,).
 
-    origins_m: (n, 3) [m]; directions: unit vectors, (n, 3). Raises ValueError for parallel rays.
+    origins_m: a point on each ray [m], (n, 3); directions: unit vectors, (n, 3). Raises ValueError for parallel rays.
     """
     o, d = np.asarray(origins_m, dtype=float), np.asarray(directions, dtype=float)
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
@@ -78,7 +79,7 @@ def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
 
 
 def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) -> Floats:
-    """The point [m], (3,), nearest to the rays of its positions [px], (n_cameras, 2), in two or more cameras."""
+    """The point [m], (3,), nearest to the rays through its positions in two or more pictures [px], (n_cameras, 2)."""
     rays = [camera.ray(place) for camera, place in zip(cameras, np.asarray(places_px), strict=True)]
     return nearest_to_rays([origin for origin, _ in rays], [ways[0] for _, ways in rays])
 
@@ -88,8 +89,8 @@ def triangulated(
 ) -> Triangulated:
     """Triangulate one point that two or more cameras see; the arrays of the result have one entry.
 
-    places_px, covs_px2: positions [px], (n, 2), and their covariances [px²], (n, 2, 2), one for each camera
-    steps: directions of the calibration by camera, as in `Seen`; default: those of `calibration_steps`
+    places_px, covs_px2: the point's position in each picture [px], (n, 2), with covariances [px²], (n, 2, 2)
+    steps: calibration errors of each camera, as in `Seen`; default: `calibration_steps`
     """
     places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
     by = calibration_steps(cameras) if steps is None else steps
@@ -100,13 +101,13 @@ def triangulated(
 def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.inf) -> Triangulated:
     """Triangulate all points at once by Gauss-Newton.
 
-    start_m: initial positions [m], (n, 3)
-    start_sd_m: standard deviation of start_m per axis [m]; start_m is a further measurement of each point. If it is as
-        large as the body, start_m does not affect points seen by two cameras. A point that one camera sees is then on
-        its ray, with the pixel's covariance across the ray and start_sd_m along the ray.
+    start_m: initial positions, also used as a further measurement of each point [m], (n, 3)
+    start_sd_m: standard deviation of start_m per axis [m]. With the size of the body as start_sd_m, start_m hardly
+        affects a point that two cameras see. A point that one camera sees then lies on the camera's ray, with an error
+        of about start_sd_m along the ray.
 
-    The misfit of a point that would move behind one of its cameras is inf.
-    Raises ValueError for points that fewer than two cameras see if start_sd_m is infinite.
+    If a step would move a point behind one of its cameras, the point's misfit is inf.
+    Raises ValueError if start_sd_m is infinite and fewer than two cameras see a point.
     """
     n, n_shared = len(start_m), max((one.steps.shape[0] for one in seen), default=0)
     views = np.zeros(n, dtype=np.int64)
@@ -150,10 +151,10 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
 
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
-    """Directions in which the calibration of cameras is uncertain, for each camera, (n_shared, 15), one sd each.
+    """Calibration errors of several cameras: for each camera, an array (n_shared, 15), as in `Calibration.uncertainty`.
 
-    Cameras that were calibrated together share directions: they have equal numbers of rows, and more rows than a camera
-    calibrated alone can have. Other cameras have their own directions.
+    Row i of all arrays belongs to one independent error. An error that does not affect a camera has zeros in its array.
+    Cameras that were calibrated together share errors. They are recognised by equal numbers of rows, above 15.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -173,10 +174,10 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 
 
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
-    """The directions of `calibration_steps`, sorted by their effect on the projections of points [m], (n, 3).
+    """The errors of `calibration_steps` as principal components, sorted by their effect on the projections of points.
 
-    They are independent directions of the same errors, the largest first. The smallest directions are omitted, if
-    together they move projections by at most `least_px` [px] in root mean square.
+    points_m: the points [m], (n, 3)
+    least_px: the smallest components are omitted if together they shift projections by at most this rms distance [px]
     """
     steps = calibration_steps(cameras)
     if not any(len(own) for own in steps):

@@ -1,4 +1,4 @@
-"""Centre of a mark: from its coverage, its outline or its rim, whichever is valid.
+"""Centre of a mark: from its coverage and outline if these agree, otherwise from its rim or its outline alone.
 
 Image axes: u right, v down, pixels from the corner of a patch.
 """
@@ -25,8 +25,9 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 class Component:
     """Connected pixels that may be a mark.
 
-    corner_px: the patch's corner in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of these pixels
-    and of other marks, 1 or 0, (h, w); reach_px: longer side of their box; clipped: whether it touches the border
+    corner_px: position of the patch in the picture, (2,); patch: the pixels and their surroundings, (h, w, 3) BGR
+    component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of their class, else 0, (h, w)
+    reach_px: longer side of the box around the connected pixels; clipped: whether this box touches the picture's border
     """
 
     corner_px: Floats
@@ -50,22 +51,22 @@ class Center:
 def centers_of(
     piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
 ) -> list[Center]:
-    """Centres of the marks in a component: one whole or partly covered mark, several that touch, or none.
+    """Centres of the marks in a component: of one mark, of several touching marks, or none.
 
-    expected_px: expected positions, in the component, of marks of its hue, each (2,), relative to its corner [px]
+    expected_px: expected positions of marks that lie on the component, relative to the patch's corner [px], each (2,)
     """
     factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors by which noise of the pixels' coverage increases the outline covariances of marks of one colour."""
+    """Factors on the covariances of outlines of marks of one colour; noise_sd: noise of alpha for each mark."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """Centre of a mark whose area and outline agree; None if they do not."""
+    """Centre of a mark if its centres by coverage and by outline agree; otherwise None."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -98,12 +99,12 @@ def _by_outline(
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
     if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
-    # the outline gives no information: the centre is somewhere inside it
+    # Neither rim nor outline is visible: the true centre may be anywhere in the mark.
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
 def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
-    """Centre from the colour steps around a piece, with these circles as start, (n, 3); None without a rim."""
+    """Centre of a mark from its rim; None without a rim. circles: starts of the fit, as in `fit_rim`."""
     limits = settings.rim
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
@@ -115,7 +116,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Starting points, (n, 2), inside one piece, for the search for touching marks."""
+    """For each of several touching marks, a point inside the mark, (n, 2)."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)
@@ -128,16 +129,16 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
 
 
 def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
-    """Whether these are centres of different marks, and not of one larger mark."""
+    """Whether the centres are so far apart that they belong to different marks."""
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Spread of a piece minus the spread of a mark at rest [px²], (2, 2)."""
+    """Spread of a component's pixels that motion causes [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
-    # a disc's spread is a quarter of its radius squared; a blurred edge adds some
+    # The spread of a disc is a quarter of its squared radius along each axis. Blur of the edge increases it.
     values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)

@@ -1,9 +1,8 @@
 """Detection of marks by hue, with sub-pixel centres from the share of each pixel that the mark covers.
 
+A mark covers the share alpha of a pixel at its edge; the background fills the rest. If both colours are known, alpha is
+a linear function of the pixel's colour. The centre is the centre of gravity of alpha, which needs no threshold.
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
-
-A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. If both colours are
-known, alpha is a linear function of the pixel's colour. So no threshold biases the centre of gravity of alpha.
 """
 
 from __future__ import annotations
@@ -25,8 +24,9 @@ from vision.detection.records import Detection, HueError, Reason, Rejected
 from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
-"""Area of the smallest circle that covers a whole block of 2 x 2 pixels at any position [px]; source: geometry: the
-block's middle is at most sqrt(2) px from the circle's centre, and its corners sqrt(2) px farther."""
+"""Area of the smallest circle that covers a whole aligned block of 2 x 2 pixels at any position of the circle [px];
+source: geometry: the middle of the nearest block is at most sqrt(2) px from the circle's centre, and the block's
+corners are at most sqrt(2) px farther."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -49,11 +49,11 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
-    outlines: shapes of whole marks, to find the centres of partly covered marks: one for all, or one for each expected
-        mark; a detection uses the nearest mark's outline
-    expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
-        to select the outline of a mark
-    rejected: receives rejected pixels with the reason; None: not recorded
+    outlines: outlines of whole marks, for the centres of partly covered marks; one outline for all marks, or one for
+        each expected mark
+    expected_px: expected positions of marks, (n, 2); they help to separate touching marks and to select an outline
+    expected_hues: hues of the expected marks; empty if all are equal
+    rejected: list to which rejected groups of pixels are appended; None: not recorded
 
     Raises ValueError for an invalid picture or region, HueError if a hue covers most of the picture.
     """
@@ -118,11 +118,11 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A picture, the colour classes of its pixels at 1 / scale of its size, and the properties of marks.
+    """The inputs of `detect_marks` for part of a frame.
 
-    outlines: outlines of whole marks, one for all or one for each expected mark; starts_px: expected positions, (n, 2)
-    corner_px: this picture's corner in the frame, (2,); hues_deg: hues of expected marks, empty if all are equal
-    rejected: receives rejected pixels, if recorded
+    part: the pixels; classes: colour classes of the pixels, in a picture that is smaller by the factor scale
+    starts_px: expected positions in the part, (n, 2); corner_px: position of the part's first pixel in the frame, (2,)
+    hues_deg: expected_hues of `detect_marks`
     """
 
     part: Picture
@@ -139,7 +139,7 @@ class _Search:
     rejected: list[Rejected] | None
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
-        """The marks inside this contour of a colour class."""
+        """The marks inside a contour of a colour class."""
         piece = self._piece(contour, number, hue_deg)
         if piece is None:
             return []
@@ -177,7 +177,7 @@ class _Search:
         ]
 
     def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
-        """Outline of the expected mark of this hue that is nearest to this position."""
+        """Outline of the nearest expected mark of this hue; None without outlines."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
         distances = np.linalg.norm(self.starts_px - place_px, axis=1)
@@ -186,14 +186,14 @@ class _Search:
         return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
-        """Expected positions of marks inside a piece, relative to its patch's corner [px]."""
+        """Expected positions of marks that lie on a piece, relative to the corner of its patch [px], each (2,)."""
         height, width = piece.component.shape
         places = self.starts_px - piece.corner_px
         in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:
-        """The pixels inside this contour, with filled holes; None if they are too few or too elongated for a mark."""
+        """The pixels inside a contour, with filled holes; None if they are too few or too elongated for a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
@@ -219,7 +219,7 @@ class _Search:
         few = pixels < least
         if few or _elongation(component) > self.settings.components.max_elongation:
             corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
-            if pixels:  # empty if only smoothing produced the hue
+            if pixels:  # there are no pixels if only smoothing produced the hue
                 self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
@@ -227,13 +227,13 @@ class _Search:
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
     def _none(self, reason: Reason, piece: Component, hue_deg: float) -> list[Detection]:
-        """Empty result; the rejected piece is recorded if requested."""
+        """An empty list, after the rejected piece was recorded if requested."""
         if self.rejected is not None:
             self.rejected.append(self._rejected(reason, piece, hue_deg))
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """A record of a contour that is too small for any mark; Pick's theorem counts its pixels."""
+        """Record of a contour that is too small for a mark; the number of its pixels follows from Pick's theorem."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -242,7 +242,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """A record of a rejected piece, with numbers; the reason is the size if the piece is whole or too large."""
+        """Record of a rejected piece; if the piece is too large, or is a whole disc, the reason becomes SIZE."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,9 +263,9 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels are a whole disc of any size with the shape of an outline; False if they are too few to show it.
+    """Whether pixels are a whole disc, of any size, with the shape of an outline; False for too few pixels.
 
-    The second moments of a disc of area A about its centre sum to A² / 2 pi; any other shape has more.
+    The second moments of a disc of area A about its centre sum to A² / (2 pi). Any other shape of this area has more.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False
@@ -276,7 +276,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """All detections in the pieces of a picture; fragments of one mark, for example behind a needle, are joined."""
+    """The detections of all pieces of one hue; fragments of one mark, for example behind a needle, are joined."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []
@@ -296,6 +296,6 @@ def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Dete
 def _elongation(component: Picture) -> float:
     m = cv2.moments(component, binaryImage=True)
     uu, vv, uv = m["mu20"] / m["m00"], m["mu02"] / m["m00"], m["mu11"] / m["m00"]
-    # The spread within a pixel is 1/12 px² for each axis: a single row of pixels is one pixel wide.
+    # A pixel has the second moment 1/12 px² along each axis. So a single row of pixels is one pixel wide.
     mean, half = (uu + vv) / 2.0 + 1.0 / 12.0, np.hypot((uu - vv) / 2.0, uv)
     return float(np.sqrt((mean + half) / (mean - half)))

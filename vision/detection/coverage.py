@@ -1,4 +1,4 @@
-"""Coverage of pixels by a mark; the mark's centre, covariance and area follow from it."""
+"""Coverage of pixels by a mark, from which the mark's centre, covariance and area follow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Largest number of pixels in the fit of the background, a plane with three parameters; more would only cost time."""
+"""Largest number of pixels in the fit of the background, a linear model; more pixels would only cost time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,10 +19,10 @@ class Coverage:
     """Coverage of a patch by a mark, with the mark's centre.
 
     center_px, cov_px2: centre relative to the patch's first pixel [px], (2,), and its covariance [px²], (2, 2)
-    area_px: its area [px]
+    area_px: area of the mark [px]
     alpha: share of each pixel that the mark covers, (h, w), 0 far from it
-    noise_sd: noise of a pixel's alpha in the background, relative to the mark's contrast
-    color_bgr: colour of its core
+    noise_sd: standard deviation of alpha in the background, where alpha should be 0, due to noise
+    color_bgr: colour of the mark's core
     """
 
     center_px: Floats
@@ -44,8 +44,8 @@ def measure_coverage(
     """The coverage of a patch by a component; None if the component cannot be distinguished from the background.
 
     patch: (h, w, 3) BGR uint8
-    component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
-    others: nonzero on pixels of other marks of the class, which are not background, (h, w) uint8
+    component: 1 on the pixels of the mark's colour class, else 0, (h, w) uint8
+    others: 1 on pixels of other marks of the class, else 0, (h, w) uint8; they are not used as background
     thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
     """
     grow = settings.grow_px + max(component.shape) // 16

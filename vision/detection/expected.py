@@ -14,9 +14,9 @@ class Expected:
 
     name: the node that bears the mark
     center_px: expected centre [px], shape (2,)
-    cov_px2: covariance of the prediction only [px²], shape (2, 2); the detection has its own
-    hue_deg: the hue of its colour class
-    outline: its shape and size, None if they are not known
+    cov_px2: covariance of the expected centre, without the error of a detection [px²], shape (2, 2)
+    hue_deg: nominal hue of its kind of mark [degrees]
+    outline: its shape and size; None: not known
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Fast detection for the usual case: single, whole marks of one colour near their expected positions."""
+"""Fast detection of single, completely visible marks of one colour near their expected positions."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """The expected mark of each region, if it is clearly a whole mark and the only one of its hue there, else None.
+    """The detection in each region, if it is certainly a completely visible mark and the only one of its hue there.
 
-    `detect_marks` may find the mark in the other cases. regions: left, top, width, height [px]
+    Otherwise None; `detect_marks` may then find the mark.
+    regions: left, top, width, height [px]; expected: the mark of each region
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
     found: list[Detection | None] = [None] * len(expected)

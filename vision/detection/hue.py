@@ -11,7 +11,7 @@ Hues = TypeVar("Hues", float, Floats)
 
 
 def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
-    """Distance of two hues, or arrays of hues, on the circle [degrees], 0 to 180.
+    """Distance between two hues, or arrays of hues, on the colour circle [degrees], 0 to 180.
 
     >>> hue_distance(355.0, 5.0)
     10.0
@@ -20,7 +20,7 @@ def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The hue from 0 up to 360 degrees; for a value just below 0 it is 0, because the remainder would round to 360.
+    """The hue in the range from 0 to less than 360 degrees, also for a value that rounds to 360.
 
     >>> on_circle(-1e-15)
     0.0
@@ -32,11 +32,11 @@ def on_circle(hue_deg: float) -> float:
 class MarkHue:
     """Range of colours of one kind of mark.
 
-    hue_deg: the hue, 0 red, 120 green, 240 blue
-    half_width_deg: largest difference of a pixel's hue from it [degrees]
-    min_saturation, min_value: least saturation and value, 0 to 1, at which a pixel's hue is used
-    seen_deg: the hue of such marks in the present light, if it differs from hue_deg
-    saturation, value: their saturation and value, 0 to 1, if known
+    hue_deg: nominal hue of the marks [degrees]: 0 red, 120 green, 240 blue
+    half_width_deg: largest difference of a pixel's hue from the middle of the range [degrees]
+    min_saturation, min_value: least saturation and least value of a pixel, 0 to 1
+    seen_deg: middle of the range in the present light [degrees]; None: hue_deg
+    saturation, value: mean saturation and mean value of the marks, 0 to 1; None: not known
     """
 
     hue_deg: float

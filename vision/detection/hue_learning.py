@@ -13,12 +13,12 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """Learn the colour range of a kind of mark from its pixels, bright or dark, around a position in a picture.
+    """Learn the colour range of a kind of mark from one mark in a picture.
 
-    frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
+    frame_bgr: (height, width, 3) uint8; at_px: position of the mark u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture, HueError if it shows no mark: too few or too many pixels of
-    one colour, or grey pixels.
+    Raises ValueError for a position outside the picture. Raises HueError if there are too few or too many pixels of one
+    colour around the position, or if they are grey.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -54,10 +54,10 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
-    """Mask of the pixels of the same colour that are connected to pixel u, v: 1, else 0, (h, w).
+    """Mask of the connected pixels around u, v that have the colour of pixel u, v: 1, else 0, (h, w).
 
-    Otsu's threshold divides the pixels of a window around u, v by the difference of their colours from the colour at
-    u, v; brightness does not count. The window grows until no connected pixel is on its border.
+    Otsu's threshold separates these pixels in a window around u, v by the distance of their colours from the colour of
+    pixel u, v; brightness is ignored. The window grows until no pixel of the mask is on its border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

@@ -1,7 +1,7 @@
-"""Compiled loops over pixels: colour classes of a picture, coverage of pixels by a mark, and its outline.
+"""Compiled loops over pixels: colour classes of a picture, coverage of pixels by a mark, and outlines of marks.
 
-tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other are in one file,
-because numba's cache on disk does not notice changes in other files.
+Alpha is the share of a pixel that a mark covers. tests/vision/plain_coverage.py computes the same results with NumPy
+and OpenCV. Kernels that call each other are in one file, because numba's disk cache ignores changes in other files.
 """
 
 from __future__ import annotations
@@ -10,30 +10,31 @@ import numpy as np
 from numba import njit
 
 HUE_STEPS = 720
-"""Number of half degrees on the circle of hues, which is the length of a table of classes."""
+"""Number of hue steps of half a degree; length of the table of classes."""
 NARROW_PX = 12
-"""Width of the border around a mark that is alone in its class [px]; the border shows its edge and background."""
+"""Width of the border that is added around the pixels of a class, for the mark's edge and the background [px]."""
 ON_A_LINE = 1e-6
-"""Determinant of a Gram matrix, relative to its diagonal's product, below which positions do not determine a plane."""
+"""Least determinant of a Gram matrix of positions, relative to its diagonal's product, for a fit of the background."""
 ROUNDING = 1.0 / 12.0
-"""Variance due to rounding to whole grey levels."""
+"""Variance of the error of rounding to whole grey levels."""
 N_RAYS = 64
-"""Number of directions in which the edge is searched; `correlation_px` accounts for correlated errors."""
+"""Number of rays from a mark's middle along which its edge is searched."""
 RAYS = np.column_stack(
     [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
 )
-"""Directions of the search as unit vectors, (N_RAYS, 2)."""
+"""Directions of the rays as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Convergence tolerance [sizes]: after a smaller step one more step is made."""
+"""Convergence tolerance of a step, relative to the mark's half axes; after a smaller step, one more step is made."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def classify(bgr, table, least_value, least_saturation, classes):  # type: ignore[no-untyped-def]
-    """Write the class of each pixel, (h, w) uint8; 0 for none.
+    """Write the number of each pixel's class into `classes`, (h, w) uint8; 0 for no class.
 
     bgr: (h, w, 3) uint8
-    table: class of each half degree of hue, (HUE_STEPS,) uint8
-    least_value, least_saturation: limits of each class, 0 to 255 and 0 to 256, (n_classes + 1,); entry 0: the lowest
+    table: class number of each hue step, (HUE_STEPS,) uint8
+    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0 is the least of all classes
+    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0 is the least of all classes
     """
     height, width = classes.shape
     for row in range(height):
@@ -59,7 +60,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _inverse(m):  # type: ignore[no-untyped-def]
-    """Determinant and inverse of a symmetric matrix, (3, 3), by cofactors; the inverse is 0 for a singular one."""
+    """Determinant and inverse of a symmetric matrix, (3, 3); the inverse of a singular matrix is 0."""
     a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
     det = a * p + b * q + c * r
@@ -74,7 +75,7 @@ def _inverse(m):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _grown(component, radius):  # type: ignore[no-untyped-def]
-    """The component dilated by a disc of this radius, as OpenCV draws it."""
+    """The component dilated by a disc of this radius, with the pixels of OpenCV's discs."""
     height, width = component.shape
     half_widths = np.empty(2 * radius + 1, dtype=np.int64)
     for k in range(2 * radius + 1):
@@ -98,7 +99,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _median(counts, n):  # type: ignore[no-untyped-def]
-    """Twice the median of n whole numbers, from their counts."""
+    """Twice the median of n whole numbers; counts: how often each number occurs."""
     low, high, below = -1, -1, 0
     for value in range(len(counts)):
         below += counts[value]
@@ -112,7 +113,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
-    """Whether each colour, (n, 3) whole numbers, is near the median of every fourth colour, (n,)."""
+    """Whether each colour, (n, 3) whole numbers, is close to the median colour, (n,)."""
     n = len(colors)
     kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
     counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
@@ -123,7 +124,7 @@ def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
         middle = _median(counts, fourth)
         for i in range(0, n, 4):
             spread[abs(2 * colors[i, c] - middle)] += 1
-        # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
+        # For a Gaussian, 1.4826 MAD is the standard deviation. Two grey levels are added for shading.
         limit = 2.0 * outlier_sds * (1.4826 * _median(spread, fourth) / 4.0 + 2.0)
         for i in range(n):
             kept[i] &= abs(2 * colors[i, c] - middle) <= limit
@@ -132,9 +133,11 @@ def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """Plane through the background's colours: whether it is determined, plane, inverse Gram matrix, noise, (3, 3) each.
+    """Linear model of the background's colour, fitted to background pixels.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
+    Returns whether the model is determined, the coefficients of its terms 1, column and row, the inverse Gram matrix of
+    these terms, and the noise covariance of the colours, each (3, 3).
     """
     none = np.zeros((3, 3))
     height, width = behind.shape
@@ -183,7 +186,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
         for b in range(3):
             for c in range(3):
                 plane[a, c] += gram_inv[a, b] * sums[b, c]
-    # Outliers count here: alpha then hardly depends on the colour of a line or a disc of another hue beside the mark.
+    # Outliers are part of this covariance. So the colour of a line or a disc beside the mark hardly changes alpha.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
     for i in range(n):
@@ -202,7 +205,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _boxed(values, reach):  # type: ignore[no-untyped-def]
-    """Means over squares of this width, (h, w); 0 outside the patch."""
+    """Means over squares of the odd width `reach` around each pixel, (h, w); values outside the patch are 0."""
     height, width = values.shape
     half = reach // 2
     across, boxed = np.empty((height, width)), np.empty((height, width))
@@ -230,10 +233,10 @@ def _boxed(values, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
-    """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
+    """Sum of the noise's autocovariance over the lags in a square of width `reach`; at least the noise's variance.
 
-    weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
-    The variance of a mean of n pixels is that sum divided by n. For white noise the sum equals the noise's variance.
+    weights: weight of each pixel's noise, (h, w); 0 for unused pixels
+    This sum divided by n is the variance of a mean of n pixels. For white noise the sum is the noise's variance.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -249,8 +252,8 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     variance = squares / weights2
     power = reach**2 * pairs / weight_pairs
     n_pixels = weight_sum**2 / weights2
-    # For white noise of n pixels the sum is the variance, up to a share of reach / sqrt(n): only a larger sum shows
-    # grain.
+    # The sum over n pixels of white noise has a relative error of about reach / sqrt(n). Only a sum that exceeds the
+    # variance by twice this shows correlated noise.
     return power if power > variance * (1.0 + 2.0 * reach / np.sqrt(n_pixels)) else variance
 
 
@@ -273,7 +276,7 @@ def _smooth(alpha):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lanczos(fraction):  # type: ignore[no-untyped-def]
-    """Lanczos weights, (8,), of the pixels -3 to 4 for the position `fraction`, in pixels after pixel 0."""
+    """Lanczos weights of the pixels -3 to 4, (8,), to interpolate at the position `fraction`, from 0 to 1."""
     weights = np.empty(8)
     for k in range(8):
         x = fraction - (k - 3)
@@ -283,9 +286,9 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half the difference between alpha and alpha rotated by 180 degrees about the centre, (h, w), on given pixels.
+    """Half the difference between alpha and alpha rotated by 180 degrees about the centre, (h, w).
 
-    A mark is symmetric under that rotation. Noise, compression and wear cause the difference, and may move the centre.
+    A mark is symmetric under that rotation. So the difference shows noise, compression and wear.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -310,7 +313,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of the mark's pixels, its colour, and its contrast to the background, (3,) each."""
+    """Number of the mark's pixels `solid`, their mean colour, (3,), and their mean contrast to the background, (3,)."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -330,10 +333,10 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
-    """Alpha = (pixel - background) @ weights near the mark, 1 in its core, else 0, (h, w).
+    """Alpha, (h, w): (pixel - background) @ weights near the mark, 1 in its core, 0 elsewhere.
 
-    It also returns sums over all pixels of alpha and its products with column and row, and sums over the edge's pixels
-    of 1, column, row and their products: n, u, v, uu, uv, vv.
+    Also returns the sums of alpha, alpha * column and alpha * row over all pixels. The last result has the sums of 1,
+    column u, row v, uu, uv and vv over the edge pixels, which are near the mark but not in its core.
     """
     by_b, by_g, by_r = weights
     constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
@@ -365,7 +368,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """Length of d center / d alpha = (position - center) / area at pixels of the edge, 0 elsewhere, (h, w)."""
+    """Length of d center / d alpha = (position - center) / area, (h, w); 0 except at edge pixels."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -378,8 +381,8 @@ def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
     """Covariance uu, uv, vv of the centre [px²].
 
-    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: inverse Gram matrix of the
-    background's plane; variances: variance of alpha at the edge and in the background
+    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: from `_background`
+    variances: variance of alpha at the edge and in the background
     """
     (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
     # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
@@ -387,7 +390,7 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
     by_v = (sum_v - n * v) / area, (sum_uv - v * sum_u) / area, (sum_vv - v * sum_v) / area
     uu, vv = (by_u[1] - u * by_u[0]) / area, (by_v[2] - v * by_v[0]) / area
     uv = (by_u[2] - v * by_u[0]) / area
-    # Errors of the background's plane, due to noise in its fit, also affect the centre.
+    # Errors of the background model, due to noise in its fit, also affect the centre.
     plane_uu = plane_uv = plane_vv = 0.0
     for a in range(3):
         for b in range(3):
@@ -403,15 +406,14 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """Coverage of a patch by a component: whether it is valid, alpha, (h, w), 0 far from the component, and figures.
+    """Coverage of a patch by a component: whether it is valid, alpha, (h, w), and ten numbers.
 
-    patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
+    patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8, as in `measure_coverage`
     grow: radius of the disc by which the component is dilated [px]
-    settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc by which the core is eroded
-        [px], edge_gain, floor_px2
-    fit_pixels: number of pixels for the fit of the background
-    thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
-    Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
+    settings: from `CoverageSettings.for_kernel`
+    fit_pixels: largest number of pixels for the fit of the background
+    thorough: as in `measure_coverage`
+    The ten numbers are the centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
     outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
     one = np.uint8(1)
@@ -440,10 +442,11 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
     if not area > 0:
         return False, alpha, figures
     u, v = sum_u / area, sum_v / area
-    # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
+    # Approximation: the noise is an average over squares of width lag + 1. Then its autocovariance sums to (lag + 1)²
+    # variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
-        # Noise is weighted by its effect on the centre: compression causes most of it at the mark's edge.
+        # Noise is weighted by its effect on the centre, because compression causes more noise at the mark's edge.
         leverage, none = _leverage(near, core, area, u, v), np.zeros_like(near)
         measured, _, _ = _unmixed(patch, plane, weights, one - none, none)
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
@@ -458,7 +461,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Outermost points in each direction at which alpha falls below 0.5, relative to start in units of the mark."""
+    """Outermost point on each ray at which alpha falls below 0.5, relative to start [half axes], and their number."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -487,7 +490,7 @@ def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _through(a, b, c):  # type: ignore[no-untyped-def]
-    """Centre and radius of the circle through three points; radius 0 if there is none."""
+    """Centre and radius of the circle through three points; the radius is 0 if they are on a line."""
     bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
     d = 2.0 * (bx * cy - by * cx)
     if abs(d) < 1e-9:
@@ -499,7 +502,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The circle (x, y, size), of a size near 1, through three edges, with the most edges on it and few beyond it."""
+    """The best circle (x, y, size) through three edge points: many of the others on it, few beyond, a size near 1."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -528,7 +531,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
-    """Move a circle by a Newton step; returns its largest change."""
+    """Move a circle by a Newton step; returns the largest change of x, y or size."""
     largest = 0.0
     for a in range(3):
         step = inverse[a, 0] * gradient[0] + inverse[a, 1] * gradient[1] + inverse[a, 2] * gradient[2]
@@ -539,10 +542,10 @@ def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
-    """The circle near this one by Tukey's robust least squares.
+    """Fit of a circle to edge points by Tukey's robust least squares, from a start circle.
 
-    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variances of an edge and of waves around the
-    outline, and the shares of directions with an edge on it and beyond it.
+    Returns the circle (x, y, size), the inverse of its normal matrix, (3, 3), the variance of an edge point, the
+    variance of waves around the outline, and the shares of rays with an edge point on the circle and beyond it.
     """
     n = len(edges)
     fit, inverse = start.copy(), np.zeros((3, 3))
@@ -552,7 +555,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
     settled = False
     for turn in range(6):
         last = settled or turn == 5
-        # The size's prior, relative to an edge's variance
+        # weight of the size's prior, relative to that of an edge point
         weight = variance / size_sd**2
         a00 = a01 = a02 = a11 = a12 = 0.0
         a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
@@ -566,7 +569,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             n_beyond += error > limit
             if abs(error) >= limit:
                 continue
-            # Tukey's biweight; the error falls by (x, y) / length per step of the centre, by 1 per step of the size
+            # Tukey's biweight. The derivative of the error is -(x, y) / length for the centre and -1 for the size.
             w = (1.0 - (error / limit) ** 2) ** 2
             x, y = x / length, y / length
             a00 += w * x * x
@@ -598,19 +601,18 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         if last:
             break
         settled = abs(variance - narrower) < 0.01 * variance and largest < SETTLED
-    # A shift of the centre is one wave around the outline. A circle has no waves of order 2 to 7: their residuals show
-    # how strong a single wave due to noise, highlights and compression is.
+    # A shift of the centre is a wave of order 1 around the outline. The waves of higher order in the residuals show how
+    # strong one wave due to noise, highlights and compression is.
     power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, inverse, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit of the whole mark or, if that fails, the best circle through three edges, as a row.
+    """Fit of an outline to a mark's visible edge: centre u, v, covariance uu uv vv, share, beyond, size of `Fitted`.
 
-    The row has the centre u, v, its covariance uu uv vv, and share, beyond and size as in `Fitted`.
-    alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: of the outline
-    settings: as `OutlineSettings.for_kernel` returns them
+    alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: as in `Outline`
+    settings: from `OutlineSettings.for_kernel`
     """
     near_px, correlation_px, _, _, min_share, whole_share, reach = settings
     fit = np.array([start[0], start[1], 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
@@ -628,7 +630,7 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
     fit[5], fit[6] = share, beyond
     if share == 0.0:
         return fit
-    # Errors of neighbouring edges are correlated; the corners of a covered part also cause a small bias.
+    # Errors of neighbouring edge points are correlated. The corners of a covered part also cause a small bias.
     together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * circle[2])) / share
     error = max(variance * together, power / share)
     xx, xy, yy = inverse[0, 0], inverse[0, 1], inverse[1, 1]
@@ -645,8 +647,8 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
 def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
-    one, other: rows that begin with u, v, uu, uv, vv of a centre and its covariance, from `covered` and `fitted`
-    share: area of the mark relative to its outline's; limits: from `CenterSettings.for_kernel`
+    one, other: results of `covered` and `fitted`, which begin with the centre u, v and its covariance uu, uv, vv
+    share: area of the mark, relative to the area of its outline; limits: from `CenterSettings.for_kernel`
     """
     min_area, max_area, variance, gate = limits
     a, b, c = one[2] + other[2] + variance, one[3] + other[3], one[4] + other[4] + variance
@@ -657,7 +659,7 @@ def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _without_gaps(piece):  # type: ignore[no-untyped-def]
-    """Whether the pixels of a piece are contiguous in each row, so that it has no holes."""
+    """Whether the pixels of a piece are contiguous in each row; then the piece has no holes."""
     for row in range(piece.shape[0]):
         runs = 0
         for column in range(1, piece.shape[1]):
@@ -669,9 +671,9 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """Whether a class has one large piece and only negligible others; mask of the piece, (h, w), its rows and columns.
+    """The only large connected piece of a class, if it does not touch the border; other pieces must be negligible.
 
-    Pixels are connected by sides and corners; holes count as part of the piece, which must not touch the border.
+    Returns whether there is such a piece, its mask with filled holes, (h, w), and its first and last row and column.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -685,7 +687,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
             n, met = 1, 0
             stack[0, 0], stack[0, 1] = row, column
             seen[row, column] = 1
-            while met < n:  # the stack stores all visited pixels, which are the piece
+            while met < n:  # the stack holds all pixels of the piece
                 i, j = stack[met, 0], stack[met, 1]
                 met += 1
                 for k in range(max(i - 1, 0), min(i + 2, height)):
@@ -712,7 +714,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
         return False, piece, rim
     if _without_gaps(piece):
         return True, piece, rim
-    # from the border inward: pixels that are not reached are holes
+    # flood fill from a corner: pixels that are neither reached nor in the piece are holes
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0
     outside[0, 0], n = 1, 1
@@ -729,7 +731,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether any sample, every second pixel of every second row, has the class, and a box around those that do."""
+    """Whether a box has pixels of a class, and a smaller box around them; only every fourth pixel is tested."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -747,7 +749,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """The only mark of a class in a box: whether there is exactly one mark; its patch's corner, alpha and figures."""
+    """Whether a box has exactly one mark of a class; the position of its patch, then alpha and numbers of `covered`."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -756,7 +758,7 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
         return False, 0, 0, none, no_figures
     height, width = bottom - top, right - left
     classes = np.empty((height, width), dtype=np.uint8)
-    # not smoothed: if noise breaks a mark into pieces, the slow path finds more
+    # The picture is not smoothed: if noise breaks a mark into pieces, `detect_marks` finds it later.
     classify(frame[top:bottom, left:right], palette[0], palette[1], palette[2], classes)
     there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
@@ -766,22 +768,22 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[top + v0 : top + v1, left + u0 : left + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    thorough = np.bool_(False)  # not a literal: a choice at run time has one type, so that the kernel is compiled once
+    thorough = np.bool_(False)  # not the literal False, for which numba would compile the kernel a second time
     valid, alpha, figures = covered(patch, component, np.zeros_like(component), grow, covering, fit_pixels, thorough)
     return valid, left + u0, top + v0, alpha, figures
 
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Marks that are the only ones of their class in a box: whether each is whole, (n,), and their figures.
+    """Marks that are the only marks of their class in a box: whether each was found and is whole, (n,), and numbers.
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
-    classes: number of the class, and least number of a mark's pixels, (n, 2); palette: table, least values and least
-        saturations as in `classify`
-    outlines: shapes, (n, 2, 2); standard deviations of the size and areas, (n, 2)
-    covering: border around a mark [px], settings and fit_pixels of `covered`; fitting: settings of `fitted`
-    limits: limits of `agreed`
-    Figures, (n, 11): centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
+    classes: number of the class, and least number of a mark's pixels, (n, 2)
+    palette: table, least_value and least_saturation of `classify`
+    outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
+    covering: border around a mark [px], settings and fit_pixels of `covered`
+    fitting: settings of `fitted`; limits: limits of `agreed`
+    The numbers are the centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r, (n, 11).
     """
     (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)
     found, marks = np.zeros(n, dtype=np.bool_), np.zeros((n, 11))

@@ -1,7 +1,7 @@
-"""Outline of a mark, which determines its centre if a needle or a hand covers part of it.
+"""Outline of a mark: the centre of a partly covered mark follows from the visible part of its outline.
 
-A mark's centre of gravity is its centre only if all of it is visible. The visible part of its outline determines the
-centre if something covers the rest, less accurately for a shorter arc. Image axes: u right, v down, pixels.
+If a needle or a hand covers part of a mark, the centre of gravity of its pixels is not its centre. The longer the
+visible part of the outline, the more accurate is the centre. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from vision.detection.settings import DETECTION, OutlineSettings
 class Outline:
     """Shape and size of a whole mark in a picture.
 
-    shape_px: matrix [px], shape (2, 2): the mark is center + shape_px @ unit disc
+    shape_px: matrix that maps the unit disc to the mark, relative to its centre [px], shape (2, 2)
     size_sd: relative standard deviation of its size
-    area_px: area of the whole mark [px], which follows from shape_px
-    even: whether it has one colour; otherwise, as for a shaded ball, the rim is detected instead of the colour
+    area_px: area of the whole mark, computed from shape_px [px]
+    even: whether the mark has one colour; if not, as a shaded ball, it is detected by its rim
     """
 
     shape_px: Floats
@@ -45,12 +45,12 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """A mark fitted to the edges of its visible part.
+    """An outline fitted to the edge points of a mark. Each ray from the mark's middle has at most one edge point.
 
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
-    share: share of directions in which the mark's own edge is visible
-    beyond: share of directions in which an edge lies outside it, for example of a smeared or merged mark
-    size: its size relative to the outline's
+    share: share of the rays whose edge point lies on the fitted outline
+    beyond: share of the rays whose edge point lies outside it, for example if blood or another mark touches the mark
+    size: size of the fitted outline, relative to the given outline
     """
 
     center_px: Floats
@@ -63,11 +63,10 @@ class Fitted:
 def fit_outline(
     alpha: Floats, start_px: Floats, outline: Outline, settings: OutlineSettings = DETECTION.outline
 ) -> Fitted | None:
-    """Fit the mark to its visible edge; None if too little of it is visible.
+    """Fit an outline to the visible edge of a mark; None if too little of the edge is visible.
 
-    alpha: share of each pixel that the mark covers, 0 far from it, (h, w); its first pixel is (0, 0)
-    start_px: a point inside the visible part, (2,)
-    settings: `reach` is the largest distance of an edge from that point [sizes]; farther edges are another mark's
+    alpha: share of each pixel that the mark covers, 0 far from it, (h, w)
+    start_px: a point inside the visible part, relative to the first pixel of alpha [px], (2,)
     """
     u, v, uu, uv, vv, share, beyond, size = kernels.fitted(
         alpha, np.ascontiguousarray(start_px), outline.shape_px, outline.size_sd, settings.for_kernel()

@@ -20,13 +20,13 @@ class Detection:
     """One detected mark.
 
     center_px: its centre [px], shape (2,)
-    cov_px2: covariance of the centre [px²], shape (2, 2), which follows from the mark's area and the noise around it
+    cov_px2: covariance of the centre [px²], shape (2, 2)
     area_px: its visible area [px]
-    hue_deg: the hue of its colour class
-    clipped: whether it touches the border of the searched part, so that some of it was not visible
-    occluded: whether something hides part of it, so that its outline gives its centre
+    hue_deg: nominal hue of its kind of mark [degrees]
+    clipped: whether it touches the border of the searched part, so that some of it may be outside
+    occluded: whether its centre follows from the visible part of its outline, because something may hide the rest
     color_bgr: colour of its core [grey levels]
-    size: its size relative to the given outline
+    size: its size, relative to the given outline
     """
 
     center_px: Floats
@@ -43,43 +43,43 @@ class Reason(StrEnum):
     """Reason why pixels are not a mark, or why a mark was not found."""
 
     FEW_PIXELS = "too few pixels of its hue"
-    """Fewer pixels of the hue than a mark must show: it is covered, in shadow, or of another hue than stated."""
+    """The hue has fewer pixels than a mark must show: the mark is covered, in shadow, or of another hue than stated."""
     SMALL = "too small in the picture"
-    """Too few pixels of the hue, and the mark is expected so small that perhaps no pixel shows only its hue."""
+    """Too few pixels have the hue. The mark is expected so small that perhaps no pixel shows only its hue."""
     SIZE = "wrong size"
-    """A whole mark of another diameter, or more pixels of its hue than a mark has."""
+    """The pixels are a whole mark of another diameter, or they are more than a mark has."""
     SHAPE = "wrong shape"
-    """Too elongated, or without an edge on the outline of a mark."""
+    """The pixels are too elongated, or have no edge on the outline of a mark."""
     CONTRAST = "no contrast"
     """The pixels cannot be distinguished from the background."""
     STAIN = "uneven as a stain"
-    """The pixels vary more than those of a mark of one colour."""
+    """The noise around the pixels is too strong, relative to their contrast, for a mark of one colour."""
     COLOUR = "another colour"
-    """In the mark's range of hues, but with another colour than such marks had so far."""
+    """The pixels are in the mark's range of hues, but their colour differs from such marks in earlier frames."""
     UNLIKE = "unlike itself before"
-    """Detected, but neither it nor any position nearby looks like the mark in earlier frames."""
+    """A mark was detected, but neither it nor any position nearby looks like this mark in earlier frames."""
     AMBIGUOUS = "one of two that touch"
-    """Detected, but it touches another mark and could have that mark's name."""
+    """The mark was detected, but it touches another mark, and their names may be exchanged."""
     TAKEN = "taken for another mark"
-    """The only mark of its hue near the expected position has another name."""
+    """The only detection of its hue near the expected position was assigned to another mark."""
     FAR = "too far from where it was expected"
-    """All detected marks of its hue are farther from the expected position than the gate allows."""
+    """All detections of its hue are beyond the gate of the expected position."""
     OUTSIDE = "outside the picture"
     """Its expected position is outside the picture."""
     AWAY = "faces away from the camera"
-    """In space: the mark is on a side of the body that a camera cannot see."""
+    """For cameras in space: the mark is on a side of the body that a camera cannot see."""
     APART = "in different places for two cameras"
-    """In space: two or more cameras detect the mark, but their rays do not meet."""
+    """For cameras in space: two or more cameras detect the mark, but their rays do not meet."""
     FLOODED = "its hue is all over the picture"
-    """Its hue covers more of the picture than marks can."""
+    """Its hue covers a larger part of the picture than marks can."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rejected:
     """Connected pixels of a hue that are not a mark.
 
-    reason: why it is not a mark; detail: the numbers of the decision
-    center_px: centre of the pixels [px], (2,); area_px: number of pixels [px]; hue_deg: hue of their class
+    reason: why they are not a mark; detail: numbers on which this decision is based, as text
+    center_px: centre of the pixels [px], (2,); area_px: number of pixels [px]; hue_deg: nominal hue [degrees]
     """
 
     reason: Reason

@@ -1,7 +1,7 @@
-"""Detection of a mark's rim if the mark has no uniform colour: a ball with shading, stripes or a highlight.
+"""Detection of the rim, which is the outline, of a mark without uniform colour: a ball with shading or a highlight.
 
-If the colour varies over the mark, the share of each pixel that the mark covers cannot be estimated; the rim is still a
-step of colour on a circle of about the right size. Image axes: u right, v down, pixels.
+If the colour varies over the mark, the share of each pixel that the mark covers cannot be estimated. But colour changes
+in a step at the outline. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from vision.detection.outline import Fitted, Outline
 from vision.detection.settings import DETECTION, DetectionSettings
 
 N_STEPS = 3
-"""Number of colour steps stored for each ray: the rim, and others before or behind it."""
+"""Number of colour steps stored for each ray, because not only the rim causes steps."""
 
 
 def fit_rim(
     patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline, settings: DetectionSettings = DETECTION
 ) -> Fitted | None:
-    """The circle with the most and the strongest colour steps on it; None if there are too few.
+    """The outline with the most and the strongest colour steps on it; None if there are too few.
 
-    patch_bgr: (h, w, 3); its first pixel is (0, 0)
-    starts: initial circles, u v [px] and size relative to the outline, (n, 3)
+    patch_bgr: (h, w, 3)
+    starts: starts of the fit: centre u v in the patch [px], and size relative to the given outline, (n, 3)
     """
     rim, edge = settings.rim, settings.outline
     limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px
@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """The strongest colour steps on each ray: x, y from start [sizes], height [grey levels], (N_RAYS, N_STEPS, 3)."""
+    """The strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y relative to start [sizes], height [levels]."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
@@ -96,7 +96,7 @@ def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
-    """A circle fitted to the steps near `begin`: score, (x, y, size), covariance of x y, (2, 2), share of the rays."""
+    """Fit of a circle to steps: score, circle (x, y, size), covariance of x, y, share of rays with a step on it."""
     wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
     limit, narrowest = wide, narrow_px / scale
@@ -118,7 +118,7 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
                     continue
                 x, y = steps[k, j, 0] - fit[0], steps[k, j, 1] - fit[1]
                 length = np.sqrt(x * x + y * y)
-                # a weak step must be nearer to the circle to count as the rim
+                # a weak step must be nearer to the circle to be used
                 there = abs(length - fit[2]) * (1.0 + strong / (steps[k, j, 2] + strong))
                 if there < nearest:
                     nearest, error, height = there, length - fit[2], steps[k, j, 2]

@@ -1,4 +1,4 @@
-"""Detection of a mark by its rim alone near one position, since blood of its colour may touch it and hide its shape."""
+"""Detection of a mark by its rim alone, for example if blood of its colour touches it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
-    """The mark whose rim is visible near its expected position; None if there is none.
+    """A mark whose rim is visible near its expected position, or None. The caller must check the mark's colour.
 
-    Also None if the standard deviation of the expected position exceeds the mark's radius.
-    The caller must check the mark's colour.
+    If the standard deviation of the expected position exceeds the mark's radius, the result is None.
     """
     outline = expected.outline
     if outline is None:

@@ -1,6 +1,6 @@
-"""Settings of mark detection: coverage, outline, rim, components and centres, with units and origins.
+"""Settings of mark detection.
 
-Lengths in sizes are relative to the half axes of a mark.
+The unit [sizes] means: relative to the half axes of the mark's outline.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from dataclasses import dataclass, field
 class CoverageSettings:
     """Settings for the share of each pixel that a mark covers.
 
-    grow_px: distance over which lens, colour mosaic and compression spread a pixel [px]: the mark's edge may be this
-    far outside the component, and noise is correlated up to this lag; choice
-    pad_px: width of the border around the component, whose outer part shows the background [px]; choice
-    core_px: distance inside the component from which pixels show only the mark, even with highlights [px]; choice
-    outlier_sds: distance from the background's median above which pixels are not background [standard deviations];
+    grow_px: distance over which lens, colour mosaic and compression spread a pixel [px]; choice. The mark's edge may be
+        this far outside the component, and noise is correlated up to this lag.
+    pad_px: width of the border around the component; the outer part of the border is background [px]; choice
+    core_px: pixels that are farther than this inside the component show only the mark [px]; choice
+    outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
-    edge_gain: noise variance / variance of half the difference of two pixels [1]; choice: white noise has 2
+    edge_gain: variance of the noise at the edge, relative to the variance of half the difference of two pixels [1];
+        choice: for white noise it would be 2
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -38,14 +39,15 @@ class CoverageSettings:
 class OutlineSettings:
     """Settings for the fit of an outline to the edge of a mark.
 
-    reach: largest distance of an edge from the middle of the visible part [sizes]; choice
-    near_px: largest distance of an edge from a circle on which it lies [px]; choice
-    correlation_px: width over which errors of an edge are correlated [px]; choice
-    highest_wave: highest order of the waves around the outline, from order 2 on, that measure noise [1]; choice
-    edge_sd_px: least standard deviation of an edge [px]; choice
-    min_share: least share of directions with the mark's own edge, and least visible share of its area [1]; choice
-    whole_share: a mark is partly occluded if its share of directions with an edge, or of its area, is smaller [1]; a
-        piece larger than the mark's area divided by this share may be several touching marks; choice
+    reach: length of the rays, from the middle of the visible part, along which edge points are searched [sizes]; choice
+    near_px: an edge point within this distance of the fitted outline lies on it [px]; choice
+    correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
+    highest_wave: highest order of the Fourier coefficients of the residuals around the outline that measure the noise,
+        from order 2 on [1]; choice
+    edge_sd_px: least standard deviation of an edge point [px]; choice
+    min_share: least share of rays with an edge point on the outline; least visible share of a mark's area [1]; choice
+    whole_share: least share of rays, and of the mark's area, for a mark that is not occluded; a piece may be several
+        touching marks if it is larger than the mark's area divided by this [1]; choice
     """
 
     reach: float = 2.0
@@ -71,16 +73,18 @@ class OutlineSettings:
 
 @dataclass(frozen=True, slots=True)
 class RimSettings:
-    """Settings for the fit of a mark's rim to steps of colour.
+    """Settings for the fit of a mark's rim (its outline) to steps of colour.
 
-    around: distance inside and outside the outline over which steps are searched along a ray [sizes]; choice
+    around: steps are searched on each ray up to this distance inside and outside the outline [sizes]; choice
     blur_px: standard deviation of the smoothing before the search [px]; choice
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
-    wide, narrow_px: largest distance of a step from the circle, in the first [sizes] and last iteration [px]; choice
-    min_share: share of all directions, weighted by contrast, below which part of the mark is occluded [1]; choice
-    min_share_alone: least share of directions, weighted by contrast, if only the rim shows the mark [1]; choice
-    smear_gain: variance of the rim's centre relative to the spread that motion adds to the mark [1]; choice
-    shading: shift that shading causes for the rim of a fully visible ball [sizes]; choice
+    wide: largest distance of a step from the fitted outline in the first iteration [sizes]; choice
+    narrow_px: largest distance of a step from the fitted outline in the last iteration [px]; choice
+    min_share: least share of rays with a step on the outline, weighted by contrast, for a mark that is not occluded
+        [1]; choice
+    min_share_alone: least share of rays, weighted by contrast, if the mark is detected by its rim alone [1]; choice
+    smear_gain: added variance of the centre, relative to the spread of the mark's pixels due to motion [1]; choice
+    shading: added standard deviation of the centre of a completely visible shaded ball [sizes]; choice
     """
 
     around: float = 0.45
@@ -98,9 +102,10 @@ class RimSettings:
 class ComponentSettings:
     """Settings of connected pixels that may be a mark.
 
-    max_picture_share: share of the picture above which a hue shows the scene, not marks [1]; choice
+    max_picture_share: largest share of the picture that a hue of marks may cover [1]; choice
     max_elongation: largest ratio of longest to shortest axis [1]; choice
-    max_noise: largest noise of a mark's pixels relative to its contrast; a stain such as blood has more [1]; choice
+    max_noise: largest noise around a mark, relative to the mark's contrast; for a stain of blood it is larger [1];
+        choice
     """
 
     max_picture_share: float = 0.3
@@ -112,14 +117,13 @@ class ComponentSettings:
 class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
-    gate: squared Mahalanobis distance above which two centres differ and no rim is searched [1];
-        source: chi-square, 2 dof, 99.9 %
-    agree_sd_px: additional standard deviation of the difference of two centres of one mark [px]; choice
-    min_area: least area of a component relative to the mark's area or, before its edge is measured, to the least area
-        in its colour class [1]; the inverse is the largest relative area; choice
-    grain_noise, grain_gain: noise relative to contrast above which errors of an outline are correlated, and the largest
-        resulting increase of their variance [1]; choice
-    blurred: spread of a mark at rest in a picture, relative to that of its outline [1]; choice
+    gate: largest squared Mahalanobis distance between the centres of one mark by coverage and by outline, and between
+        an expected position and a start of the search for the rim alone [1]; source: chi-square, 2 dof, 99.9 %
+    agree_sd_px: added standard deviation of the difference of two centres of one mark [px]; choice
+    min_area: least area of a component, relative to the mark's area; its inverse is the largest one [1]; choice
+    grain_noise: noise, relative to contrast, from which on errors along an outline are correlated [1]; choice
+    grain_gain: largest relative increase of an outline's covariance due to this correlation [1]; choice
+    blurred: spread of the pixels of a mark at rest, relative to the spread of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -131,7 +135,7 @@ class CenterSettings:
 
     @property
     def max_area(self) -> float:
-        """Largest area that may be one mark, relative to the mark's area."""
+        """Largest area of a component that is one mark, relative to the mark's area."""
         return 1.0 / self.min_area
 
     def for_kernel(self) -> tuple[float, ...]:
@@ -156,11 +160,10 @@ class HueLearningSettings:
 
     window_px: half width of the first window around the position [px]; choice
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest difference of colours of one mark, relative to their distance from grey [1]; choice
-    sds: half width of a range of hues, in standard deviations of the pixels' hues [1]; choice
-    min_width_deg: least half width of a learned range, and limit for the standard deviation of its hues [degrees];
-        choice
-    paler, darker: factors for the least saturation and value of other marks [1]; choice
+    max_distance: largest difference between the colours of one mark, relative to the distance from grey [1]; choice
+    sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
+    min_width_deg: least half width of a learned range; the largest is sds times this [degrees]; choice
+    paler, darker: least saturation and least value of marks, relative to those of the pixels [1]; choice
     """
 
     window_px: int = 8

@@ -17,7 +17,7 @@ class EventKind(StrEnum):
     """Kind of event of a source."""
 
     BLOCKED = "BLOCKED"
-    """No answer: a read does not return."""
+    """A read does not return."""
     FROZEN = "FROZEN"
     """A picture repeats bit for bit, or values repeat to the last digit."""
     DROPPED = "DROPPED"
@@ -27,11 +27,11 @@ class EventKind(StrEnum):
     RESUMED = "RESUMED"
     """New pictures come after a fault, or no more pictures are lost."""
     RESIZED = "RESIZED"
-    """Pictures have another size than before."""
+    """The size of the pictures has changed."""
     REFUSED = "REFUSED"
-    """The input could not be used: it is not a frame, or its time is out of order."""
+    """An input is not a frame, or its time is not in order."""
     ASIDE = "ASIDE"
-    """The first marks are far from their expected positions, but would be near with other units or axes."""
+    """The first observed marks are far from their expected positions; with other units or axes they would be near."""
     CLOCK = "CLOCK"
     """The source's own times stand still, go back or drift; arrival times are used instead."""
     ENDED = "ENDED"
@@ -55,18 +55,18 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def frames_dropped(self) -> int:
-        """Number of frames that were read but not delivered, because of newer ones or a wrong time."""
+        """Number of frames that were read but not delivered, because a newer frame came or their time was wrong."""
 
     @property
     def origin_s(self) -> float:
-        """Zero of the source's own time on the clock of its frames [s]; 0 if frames already use its own time."""
+        """Frame time at which the source's own time axis, such as a film's, is zero [s]."""
 
     @property
     def ended(self) -> bool:
-        """Whether all frames have been delivered and none will come."""
+        """Whether all frames have been delivered and no more will come."""
 
     def next(self, timeout_s: float) -> F_co | None:
-        """The next frame; None if none comes within timeout_s [s], or the source has ended. Raises SourceError."""
+        """The next frame; None at the end, or if no frame comes within timeout_s [s]. Raises SourceError."""
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """The events since the last call, in order."""
@@ -87,4 +87,4 @@ class Source(SourceOf[Frame], Protocol):
     """Protocol of a source of pictures in order of exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield all frames until the source ends, also after faults; raises SourceError."""
+        """Yield frames until the source ends; faults do not stop the iteration. Raises SourceError."""

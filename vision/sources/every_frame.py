@@ -13,7 +13,7 @@ class FrameFile(Protocol):
     """Protocol of a file of frames in order, open until closed."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Iterate from the first frame on."""
+        """Yield the frames from the first one on."""
 
     def close(self) -> None:
         """Close the file."""
@@ -22,12 +22,12 @@ class FrameFile(Protocol):
 class EveryFrame(Closing):
     """Source of every frame of a file or folder, in order, without thread or clock.
 
-    State: the remaining frames, the last frame's size and time, events not yet fetched, whether it ended.
+    State: the remaining frames; the last frame; events that were not fetched yet; whether it ended.
     """
 
     frames_dropped = 0
     origin_s = 0.0
-    """Zero of the file's own time on the clock of its frames [s]: frames have the file's own time."""
+    """As `SourceOf.origin_s`; 0, because the frames have the file's own times [s]."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames

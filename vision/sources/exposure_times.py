@@ -1,6 +1,7 @@
-"""Exposure times of devices, on the monotonic clock, and of films, by their own times; tests of arrival times.
+"""Exposure times of frames: of devices on the monotonic clock, of films in their own time. Tests of arrival times.
 
-A rule belongs to one opening of a source and is called once for each frame, in order.
+The arrival time of a frame is the monotonic time at which grab() returned it. A rule computes exposure times. It is
+used from one opening of a source to the next, and is called once for each frame, in order.
 """
 
 from __future__ import annotations
@@ -16,32 +17,32 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Largest rounding error of times in containers [s]: index / rate is used if it is that close to all of these times."""
+"""Largest rounding error of a time in a film's container [s]."""
 
 
 ExposureRule = Callable[[Any, float], float]
-"""Function that returns the exposure time [s] of the frame that a capture's grab() returned at a given time [s]."""
+"""Function of a capture and of a frame's arrival time [s] that returns the frame's exposure time [s]."""
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
-    """Exposure time [s] that the capture itself states: CAP_PROP_POS_MSEC on the monotonic clock."""
+    """Exposure time on the monotonic clock, which the capture itself reports as CAP_PROP_POS_MSEC [s]."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 class DeviceTimes:
-    """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
+    """Rule for the exposure times of a device: half a frame interval before the frame was complete.
 
-    A frame is complete when grab() returns or, after settled_frames plausible times in a row, at the device's own time,
-    CAP_PROP_POS_MSEC. Plausible times increase, and their offset to grab()'s times varies by at most clock_error_s.
-    The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
-    come late but never early; this follows a drifting clock. A trusted device may deliver up to settled_frames in a row
-    too late, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used
-    until it is plausible again. Half an interval is assumed for exposure and read-out, which devices do not report.
+    Devices do not report how long exposure and read-out take: half the median frame interval is assumed. At first, a
+    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, the
+    device's own time, CAP_PROP_POS_MSEC, is used. Device times are plausible if they increase, and if their delay, from
+    device time to arrival time, varies by at most clock_error_s. The least delay of the last remembered_frames frames
+    is added to the device time, because frames may come late but never early. Up to settled_frames late frames in a
+    row, for example from a queue after a pause, are not used for this delay.
 
-    late_s: largest delay of frames beyond the assumed delay [s]: frames that are late for longer than
-    settings.blocked_s come from a queue, or the clock was set back; 0 when frames come as early as before
-    State: late_s; the device's and the clock's times of the last frames; numbers of plausible and of late frames in a
-    row; the clock's earlier delay [s].
+    late_s: delay of the present frames, if it grew by more than settings.blocked_s because frames come from a queue or
+        the device's clock was set back; otherwise 0 [s]
+    State: late_s; device times and arrival times of the last frames; numbers of plausible and of late frames in a row;
+    the delay before it grew [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -59,7 +60,7 @@ class DeviceTimes:
         return self._plausible >= self._settings.settled_frames
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]."""
+        """Exposure time of the frame with the arrival time grabbed_s [s]."""
         self._grabbed.append(grabbed_s)
         device_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
         self._judge(device_s, grabbed_s)
@@ -96,13 +97,13 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Rule for exposure times that uses another rule while its times increase, otherwise arrival times.
+    """Rule for exposure times that uses another rule until the times of that rule stop increasing.
 
-    After settings.stuck_frames frames in a row with times that stand still, go back or are not numbers, arrival times
-    are used, minus the delay of the last frame whose time increased.
+    If they do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival times minus
+    a constant delay. This is the delay of the last frame whose time increased.
 
-    State: time and delay of the last frame whose time increased [s]; number of frames since; whether arrival times are
-    used; the fault not yet fetched.
+    State: time and delay of that frame [s]; number of frames since then; whether arrival times are used; a fault that
+    `take_fault` has not returned yet.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -112,7 +113,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; the last one if times stand still."""
+        """Exposure time of the frame with the arrival time grabbed_s [s]; it may repeat the last exposure time."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -132,29 +133,29 @@ class RisingTimes:
 
     @property
     def by_source(self) -> bool:
-        """Whether the times are the source's own and not arrival times."""
+        """Whether exposure times follow from the source's own times, not from arrival times."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
     @property
     def late_s(self) -> float:
-        """Largest delay of frames, by the source's own times [s]."""
+        """As `DeviceTimes.late_s`; 0 for other rules."""
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
-        """The fault of the times since the last call; None if there was none."""
+        """Text of the last fault of the source's times since the last call; None without a fault."""
         fault, self._fault = self._fault, None
         return fault
 
 
 class FilmTimes:
-    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's times if the two differ.
+    """Exposure times of a film's frames, from 0 on [s].
 
-    They differ if the frame rate varies, or differs from that in the film's header. If container times are not finite
-    and increasing, index / rate is used from then on. Raises ValueError if that is not possible: without a rate, or if
-    the two have differed before.
+    A frame's time is index / rate if the container's time agrees within `ROUNDING_S`, otherwise the container's time.
+    Once a container's time is not finite or does not increase, all later times are index / rate. Without a rate, or if
+    a container's time differed before, ValueError is raised instead.
 
-    State: number of frames, the container's first and last time [s], whether they ever differed, whether they failed.
+    State: number of frames; the container's first and last time [s]; whether a container's time differed, or was wrong.
     """
 
     def __init__(self, rate: float) -> None:
@@ -166,7 +167,7 @@ class FilmTimes:
         self._failed = False
 
     def __call__(self, container_s: float) -> float:
-        """Exposure time [s] of the next frame, whose time in the container is container_s [s]."""
+        """Exposure time of the next frame [s]; container_s: its time in the container [s]."""
         index, self._index = self._index, self._index + 1
         if index == 0 and np.isfinite(container_s):
             self._first_s = container_s
@@ -187,16 +188,16 @@ class FilmTimes:
 
 
 class Arrivals:
-    """Test, from the times at which reads returned, whether arrival times determine exposure times.
+    """Test whether the arrival times of pictures determine their exposure times.
 
-    After a pause (a read did not return for `settings.blocked_s`) all further pictures may be late, from a queue that
-    lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a read fails,
-    since it cannot fail while a picture waits. Arrival times do not otherwise distinguish a lagging source from one
-    that lost pictures. The source's own times do so, if known before: lost pictures leave gaps in these times. An
-    interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
+    After a pause, in which a read did not return for `settings.blocked_s`, pictures may come late from a queue.
+    Arrival times do not show whether the source queued the pictures of the pause or lost them. So all further pictures
+    are assumed to be late, until pictures come much faster than usual and have emptied the queue, or a read fails: no
+    read fails while a picture waits. If the source itself reports exposure times, this assumption is not needed. If an
+    interval is not a multiple of the usual one, pictures waited for an unknown time: arrivals are uneven.
 
-    State: arrival of the last picture [s], the last intervals [s]; late_s, the largest delay of pictures beyond the
-    assumed delay [s]; time of the last irregular arrival [s].
+    late_s: largest delay of pictures beyond the usual delay [s]
+    State: late_s; arrival time of the last picture [s]; the last intervals [s]; time of the last uneven arrival [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -231,15 +232,15 @@ class Arrivals:
             self._uneven_s = now_s
 
     def failed(self) -> None:
-        """Record a failed read, which shows that no picture waits."""
+        """Record a failed read: no picture waits."""
         self._last_s, self.late_s = None, 0.0
 
     def uneven(self, now_s: float) -> bool:
-        """Whether pictures came irregularly within the last `settings.even_s`."""
+        """Whether an arrival was uneven within the last `settings.even_s`."""
         return now_s - self._uneven_s < self._settings.even_s
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval [s], the median of recent intervals; None until half of these are known."""
+        """Median of the last intervals [s]; None until there are settled_frames / 2 intervals."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

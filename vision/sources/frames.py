@@ -16,23 +16,23 @@ import numpy as np
 from vision.arrays import Image
 from vision.sources.exposure_times import FilmTimes
 
-# FFmpeg's own lines bypass OpenCV's log; FFmpeg's level is read when the first film is opened. -8 is AV_LOG_QUIET.
+# FFmpeg's messages bypass OpenCV's log. FFmpeg reads its log level when the first film is opened. -8 is AV_LOG_QUIET.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 FilePath = str | os.PathLike[str]
-"""A file or folder, in a form that all functions accept."""
+"""Path of a file or folder."""
 
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 """First and last bytes of a JPEG."""
 
 
 class SourceError(ValueError):
-    """Error for frames that are not available; the message, one line, names the source, what was expected and found."""
+    """Error for frames that are not available. The message names the source, what was expected and what was found."""
 
 
 class Closing(ABC):
-    """Base class of resources that are closed at the end of a `with` block, also after an exception."""
+    """Base class of context managers that close themselves."""
 
     @abstractmethod
     def close(self) -> None:
@@ -56,16 +56,16 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """Pictures of several cameras at one exposure time [s]: for each camera the pixels, (height, width, 3) BGR."""
+    """Pictures of several cameras at one exposure time [s]; images: by camera, the pixels, (height, width, 3) BGR."""
 
     exposure_s: float
     images: dict[str, Image]
 
 
 def bgr(picture: Any) -> Image:
-    """Convert a picture, grey, BGR or BGRA of 8 or 16 bits, to (height, width, 3) BGR of 8 bits.
+    """Convert a grey, BGR or BGRA picture of 8 or 16 bits to (height, width, 3) BGR of 8 bits.
 
-    Raises ValueError, "picture: ...", for any other picture.
+    Raises ValueError for any other picture.
     """
     image = np.asarray(picture)
     levels = {np.dtype(np.uint8): 1, np.dtype(np.uint16): 257}.get(image.dtype)
@@ -91,7 +91,7 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def opencv_name(path: FilePath) -> str:
-    """A file's name for OpenCV and FFmpeg; SourceError for names not in UTF-8, which would end the process.
+    """A file's name for OpenCV and FFmpeg. Raises SourceError for a name that is not in UTF-8.
 
     Relative names begin with a dot: otherwise FFmpeg would read the part before a colon as a protocol.
     """
@@ -105,7 +105,7 @@ def opencv_name(path: FilePath) -> str:
 
 
 def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    """Read a picture file with OpenCV's flags, (height, width, 3) BGR or (height, width); raises SourceError."""
+    """Pixels of a picture file, (height, width, 3) BGR or (height, width); flags: cv2.IMREAD_*. Raises SourceError."""
     name = opencv_name(path)
     with quiet_opencv():
         image = cv2.imread(name, flags)
@@ -115,11 +115,12 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 
 
 class VideoFileFrames(Closing):
-    """Frames of a film, as fast as they are requested.
+    """Frames of a film, as fast as they are requested. State: the open film.
 
-    Exposure times [s] are exposures_s, multiples of 1 / fps from 0, or the film's own times: see `FilmTimes`. State:
-    the open film. Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in
-    number, or the film has no times.
+    exposures_s: exposure time of each frame [s]; None: index / fps or, without fps, the film's own times (`FilmTimes`)
+
+    Raises SourceError if the film cannot be opened. Iteration raises it if the film has no times, or if the numbers of
+    frames and exposure times differ.
     """
 
     def __init__(self, path: FilePath, exposures_s: Sequence[float] | None = None, *, fps: float | None = None) -> None:
@@ -160,8 +161,7 @@ class VideoFileFrames(Closing):
 class FolderFrames(Closing):
     """Pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
-    Raises SourceError if numbers of pictures and exposures differ, or pictures are not numbered from 0 without gaps, or
-    cannot be read.
+    Raises SourceError if the numbers of pictures and exposure times differ, or a picture is missing or unreadable.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -190,9 +190,9 @@ def count_numbered(folder: FilePath) -> int:
 
 
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
-    """Number of frames in a film, counted by reading it because its header may be wrong. Raises SourceError.
+    """Number of frames in a film, counted by reading all of it, because its header may be wrong. Raises SourceError.
 
-    advance: called with the completed share, which is computed with the header's number
+    advance: called with the completed share, 0 to 1, estimated from the header
     """
     capture = _opened(Path(path))
     n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
@@ -205,7 +205,7 @@ def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _shar
 
 
 def whole_packets(path: Path) -> Iterator[Image]:
-    """Compressed, undecoded frames of a film, (n_bytes,) each, up to an incomplete frame."""
+    """The compressed bytes of each frame of a film, (n_bytes,), up to the first incomplete frame."""
     with quiet_opencv():
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:

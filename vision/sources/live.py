@@ -1,4 +1,4 @@
-"""Live frames: a thread reads a camera or stream, delivers the newest frame, and recovers from faults."""
+"""Live frames: a thread reads a camera or stream, delivers its newest frame, and reopens it after faults."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
-"""Interval of tests for faults and failed reads [s], less than a frame interval at 30 frames/s; a waiting `next` gets a
-frame at once."""
+"""Interval between tests for faults, and between attempts after failed reads [s]; choice: less than a frame interval
+at 30 frames/s. New frames do not wait for it."""
 
 
 class Capture(Protocol):
@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: time of its last progress [s], time that it may hang [s], whether another replaced it."""
+    """A reading thread: time of its last progress [s], longest time without progress [s], whether it was replaced."""
 
     alive_s: float
     may_hang_s: float
@@ -54,22 +54,22 @@ class Reader:
 
 
 class LiveFrames(Closing):
-    """Source of the newest frames of a camera or stream, each delivered once, until the source ends or `close()`.
+    """Source of the newest frames of a camera or stream. Each frame is delivered at most once.
 
-    open_capture: opens the source; called in the reading thread, which a dead device may block forever
-    ends: whether a failed read of this capture is its end and not a fault
-    keep: largest number of waiting frames; with 1, only the newest frame waits
-    exposures: makes the rule for exposure times at each opening; default: `DeviceTimes`
-    may_repeat: whether a picture may repeat bit for bit, as in a film; otherwise repeats are not delivered
+    open_capture: function that opens the source; it runs in a reading thread, because a dead device may block it
+    ends: whether a failed read of a capture means that the source has ended; otherwise it is a fault
+    keep: largest number of frames that wait for delivery; if there are more, the oldest frame is dropped
+    exposures: function that makes a rule for exposure times after each opening; default: `DeviceTimes`
+    may_repeat: whether equal successive pictures are delivered, as in a film; otherwise repeated pictures are dropped
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
-    settings: thresholds for a blocked, frozen or hung source
+    settings: thresholds for faults
     clock, nap: the monotonic clock [s], and a function that pauses; None: a pause that `close()` ends
-    origin: clock time at which the source's own time is zero [s], if it has its own time
-    waits: whether reading begins with the first request for a frame, as for a film; otherwise at once
+    origin: function that returns `origin_s`
+    waits: whether reading begins with the first call of `next`, as for a film; otherwise it begins at once
 
-    A source that cannot be opened at first raises SourceError at once; one that is lost later is reopened repeatedly.
-    State, shared with the threads: whether reading has not begun; waiting frames, the last pictures, the watchdog, the
-    arrivals, events not yet fetched, the readers and the reader of the last picture.
+    If the source cannot be opened at first, `next` raises SourceError. If it is lost later, it is reopened repeatedly.
+    State, shared with the threads: waits; waiting frames; the last pictures; the tests for faults; events that were not
+    fetched yet; the reading threads, and the thread that read the last picture.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the source's own time is zero [s]; 0 if it has no own time."""
+        """Clock time at which the source's own time axis, such as a film's, is zero [s]; 0 without such an axis."""
         return self._origin()
 
     @property
@@ -128,28 +128,29 @@ class LiveFrames(Closing):
 
     @property
     def opening(self) -> bool:
-        """Whether the source is being opened for the first time, which takes ten seconds with some cameras."""
+        """Whether the source is being opened for the first time. Some cameras need ten seconds."""
         return not (self._opened or self._finished or self.ended or self._error is not None)
 
     @property
     def late_s(self) -> float:
-        """Largest delay of pictures after their exposure times, due to a pause [s]."""
+        """Largest delay of the present pictures beyond the usual delay, after a pause of the source [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
     def uneven(self) -> bool:
-        """Whether pictures come so irregularly that their arrival does not determine their exposure times."""
+        """Whether pictures arrive so irregularly that their exposure times are unknown."""
         return self._arrivals.uneven(self._clock())
 
     @property
     def interval_s(self) -> float:
-        """The usual interval between frames [s], 0 before two frames."""
+        """Median interval between the last frames [s]; 0 before the second frame."""
         return self._watch.interval_s
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame not yet delivered; None at the end, or if none comes within timeout_s [s].
+        """The oldest waiting frame; None at the end, or if no frame comes within timeout_s [s].
 
-        Raises SourceError if the source never opened or gave no frame for give_up_s, and any exception of the thread.
+        Raises SourceError if the source cannot be opened, or delivers no frame for give_up_s. An exception in the
+        reading thread is raised here.
         """
         until = self._clock() + timeout_s
         with self._changed:
@@ -192,7 +193,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order; faults are detected while `next` waits or is called."""
+        """The events since the last call, in order. Only calls of `next` detect faults."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -244,7 +245,7 @@ class LiveFrames(Closing):
             self._nap(pause_s)
 
     def _read(self, reader: Reader, capture: Capture) -> None:
-        """Deliver the capture's pictures until it ends, fails for settings.blocked_s, or the reader is replaced."""
+        """Deliver pictures until the capture ends, fails for settings.blocked_s, or `reader` is replaced."""
         times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
@@ -266,7 +267,7 @@ class LiveFrames(Closing):
             self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
-        """The next picture or None, the time when grab() returned [s], and the reason if there is none."""
+        """The next picture or None, its arrival time [s], and the reason why there is no picture."""
         try:
             grabbed = capture.grab()
             grabbed_s = self._clock()
@@ -283,7 +284,7 @@ class LiveFrames(Closing):
             return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
-        """Deliver a picture, unless the picture or its time repeats."""
+        """Deliver a picture, unless it equals an earlier one or its exposure time does not increase."""
         with self._changed:
             if not self._wanted(reader):
                 return
@@ -325,7 +326,7 @@ class LiveFrames(Closing):
                 self._arrivals.failed()
 
     def close(self) -> None:
-        """Stop; a reading thread releases the device when its present read returns."""
+        """Stop. A reading thread releases the device when its present read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index: OpenCV reads the hundreds of an index as the number of a capture API."""
+"""Largest camera index. OpenCV reads the hundreds of a larger index as the number of a capture API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -36,13 +36,13 @@ def open_source(
 ) -> Source:
     """Open a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
-    live: if True, only the newest frame waits, and files play at their own pace; otherwise every frame is delivered:
-    files are read as fast as requested, and settings.backlog frames of devices and streams may wait
-    fps: frame rate [frames/s] of a folder of pictures, which has no times; for a film, it replaces the film's rate
-    give_up_s, settings: thresholds for faults of a device or stream; see `LiveFrames`
+    live: if True, only the newest frame is delivered, and files play at the speed of their exposure times; otherwise
+        files are read as fast as requested, and up to settings.backlog frames of a device or stream wait for delivery
+    fps: frame rate of a folder of pictures; for a film, it replaces the film's own times [frames/s]
+    give_up_s, settings: as in `LiveFrames`
 
-    Raises SourceError for a missing source, and for fps with a camera or stream. For a device that does not open, the
-    first `next` raises this error.
+    Raises SourceError if there is no such source, or if fps is given for a camera or stream. If a device cannot be
+    opened, the first `next` raises SourceError.
     """
     opencv_name(spec)  # raises SourceError
     spec, path = os.fspath(spec), Path(spec)
@@ -69,12 +69,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of a file's frames: if live, the newest at the file's own pace; otherwise every frame."""
+    """Source of a file's frames: if live, as `played`; otherwise every frame, as fast as requested."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source of a file's newest frames at its own pace; start: the start of films that play together."""
+    """Source of a file's newest frames, which plays at the speed of its exposure times; start: see `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
@@ -91,7 +91,7 @@ def _never(_capture: Any) -> bool:
 
 
 def _has_length(capture: Any) -> bool:
-    """Whether a capture is a film on a server, which ends; a stream has no length."""
+    """Whether a capture is a film on a server. A stream has no number of frames."""
     return bool(capture.get(cv2.CAP_PROP_FRAME_COUNT) > 0)
 
 

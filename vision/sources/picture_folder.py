@@ -1,4 +1,4 @@
-"""Frames from the pictures, with any names, in a folder."""
+"""Frames from the pictures in a folder; they may have any names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 def natural_order(path: Path) -> tuple[list[str | int], str, Path]:
-    """Sort key for files that compares numbers in names as numbers: frame2 before frame10."""
+    """Sort key for files by name, in which numbers are compared as numbers: frame2 is before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name, path
 
@@ -26,9 +26,9 @@ def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path
 
 
 class PictureFolderFrames:
-    """Pictures of a folder in the natural order of their names, at a given rate.
+    """Pictures of a folder in `natural_order`, at a given frame rate.
 
-    Raises SourceError if there are no pictures, and while iterating for a picture that cannot be read.
+    Raises SourceError if there are no pictures; iteration raises it for a picture that cannot be read.
     """
 
     def __init__(self, folder: FilePath, fps: float) -> None:

@@ -1,4 +1,4 @@
-"""Grey pictures for a calibration, with names: files, folders of files, or sharp frames of a film."""
+"""Grey pictures for a calibration, with their names: from files, folders of files, or a film."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels, (height, width), of each picture: first of a film, then of files and folders in order.
+    """Name and grey levels, (height, width), of each picture: of sharp frames of a film, then of files by name.
 
-    Raises SourceError for unreadable files, a second film, repeated names, and pictures of
-    different sizes.
+    Raises SourceError for unreadable files, a second film, repeated names, and pictures of different sizes.
     """
     given = [Path(path) for path in paths]
     films = [path for path in given if path.suffix.lower() in FILMS]
@@ -41,7 +40,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
 
 
 def grey_picture(path: FilePath) -> Image:
-    """Grey levels of a picture file, (height, width), without the rotation in its metadata; raises SourceError."""
+    """Grey levels of a picture file, (height, width); the rotation in its metadata is ignored. Raises SourceError."""
     file = Path(path)
     if not file.is_file():
         raise SourceError(f"{file}: expected a picture, found no such file")
@@ -49,7 +48,7 @@ def grey_picture(path: FilePath) -> Image:
 
 
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """The sharpest frame of each of n equal parts of a film, (height, width, 3), named "frame 000123".
+    """Name, as "frame 000123", and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
 
     Raises SourceError as `VideoFileFrames` does.
     """

@@ -1,4 +1,4 @@
-"""Playback of a film at its own pace, with the interface of a camera."""
+"""Playback of a film at the speed of its exposure times, with the interface of a camera."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Clock time at which the films' own times are zero [s]; None before the first frame of any film."""
+    """Common start of films that play together: clock time of exposure time 0 [s]; None before the first frame."""
 
     at_s: float | None = None
 
 
 class Playback:
-    """Capture that delivers each frame of a file when it is due; frame times count from the first grab().
+    """Capture that delivers each frame of a file at its exposure time after the start, which is the first grab().
 
     start: start time, shared by films that play together
-    State: the remaining frames, the present frame, the start.
+    State: the remaining frames, the present frame, the start time.
     """
 
     def __init__(
@@ -42,11 +42,11 @@ class Playback:
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the file's own time is zero [s]; 0 before the first frame."""
+        """Clock time at which the exposure times in the file are 0 [s]; 0 before the first frame."""
         return self._start.at_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Always true; iterating raises SourceError if there are no frames."""
+        """Always True."""
         return True
 
     def grab(self) -> bool:
@@ -62,11 +62,11 @@ class Playback:
         return True
 
     def retrieve(self) -> tuple[bool, Image | None]:
-        """Whether a frame is due, and its pixels, (height, width, 3) BGR."""
+        """Whether there is a present frame, and its pixels, (height, width, 3) BGR."""
         return self._shown is not None, None if self._shown is None else self._shown.image
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: due time of the frame on the clock [ms]; 0 for other properties."""
+        """For CAP_PROP_POS_MSEC, the clock time at which the present frame is due [ms]; 0 for other properties."""
         if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None:
             return 0.0
         return 1e3 * (self.origin_s + self._shown.exposure_s)

@@ -1,4 +1,4 @@
-"""Film in numbered pieces, each named when it is complete, so that a killed writer leaves readable pieces."""
+"""Film in numbered pieces. If the writer is killed, all complete pieces remain readable."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ NOMINAL_FPS = 30.0
 
 
 class SegmentWriter:
-    """Writer of a film in pieces, 000000.mkv (FFV1) or 000000.avi (MJPG) ..., in an existing empty folder.
+    """Writer of a film in pieces into an existing empty folder: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG).
 
-    After an interruption at any moment, `finish` can be called again.
-    State: the present piece, hidden until it is complete, and the number of complete pieces.
+    If `finish` is interrupted, it can be called again.
+    State: the unfinished piece, a hidden file; the number of complete pieces.
     """
 
     def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
@@ -42,16 +42,16 @@ class SegmentWriter:
         self._piece: VideoWriter | None = None
 
     def write(self, image: Image) -> None:
-        """Append a frame, (height, width, 3) BGR uint8, to the present piece, or begin a new one."""
+        """Append a frame, (height, width, 3) BGR uint8, to the unfinished piece; begin a piece if there is none."""
         if self._piece is None:
             path = self.folder / f"{self.n_whole:06d}{SUFFIX[self.codec]}"
             self._piece = VideoWriter(path, self.size_px, NOMINAL_FPS, codec=self.codec)
         self._piece.write(image)
 
     def finish(self) -> None:
-        """Finish the present piece: sync it to the disk, then give it its name.
+        """Finish the unfinished piece: sync it to the disk, then rename it to its final name.
 
-        Raises SourceError and deletes the piece if it is incomplete.
+        If frames of the piece are missing, it is deleted, and SourceError is raised.
         """
         if self._piece is not None:
             self._piece.close(sync=True)
@@ -59,14 +59,14 @@ class SegmentWriter:
             self._piece = None
 
     def discard(self) -> None:
-        """Discard the unfinished piece."""
+        """Delete the unfinished piece."""
         if self._piece is not None:
             self._piece.discard()
             self._piece = None
 
 
 def segments_in(folder: FilePath) -> list[Path]:
-    """The complete pieces in a folder in order. Raises SourceError if there are none, or a piece is missing."""
+    """The complete pieces in a folder, in order. Raises SourceError if there are none, or a number is missing."""
     paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
@@ -82,9 +82,9 @@ def count_segment_frames(folder: FilePath) -> int:
 
 
 class SegmentFrames(Closing):
-    """Frames of all pieces in order, with these exposure times [s]; frames without a time are omitted.
+    """Frames of all pieces in order, with exposure times [s]; frames after the last exposure time are omitted.
 
-    Raises SourceError if pieces are missing, cannot be read, or have too few frames. State: the open piece.
+    Raises SourceError if pieces are missing, cannot be read, or have fewer frames than times. State: the open piece.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -115,9 +115,9 @@ class SegmentFrames(Closing):
 def join_segments(
     folder: FilePath, film: FilePath, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
 ) -> None:
-    """Write the first n_frames of a folder's pieces as one film, which gets its name when it is complete.
+    """Write the first n_frames frames of a folder's pieces as one film without loss.
 
-    The film is lossless: JPEGs are copied, FFV1 is compressed again. advance: gets the share done. Raises SourceError.
+    advance: called with the completed share, 0 to 1. Raises SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

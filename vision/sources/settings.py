@@ -1,4 +1,4 @@
-"""Settings of sources: thresholds for faults, trust in a device's clock, frames of a film for a calibration."""
+"""Settings of sources."""
 
 from __future__ import annotations
 
@@ -7,28 +7,31 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """Settings of sources: thresholds for faults and for trust in a clock; frames of a film for a calibration.
+    """Settings of sources: thresholds for faults, use of a device's clock, frames of a film for a calibration.
 
-    blocked_s: time without a new picture after which a source is blocked (no answer) or frozen (the same picture), and
-    a device whose reads fail is reopened; `close` waits as long for a reading thread [s]; choice
-    hung_s: time after which a read has hung: another thread opens the device, FFmpeg drops a packet; also the longest
-    pause between two attempts to open a lost device [s]; choice
-    opening_s: time after which opening a device has hung [s]; choice: some cameras need ten seconds
-    stream_opening_s: time after which opening a stream has hung [s]; choice
-    most_readers: largest number of hung threads, each with the device that it opened [1]; choice
-    slow_intervals: number of usual frame intervals for which a slow camera may have no picture [1]; choice
-    settled_frames: number of frames whose median interval is the usual one, and of plausible times after which a
-    device's own times are trusted [1]; choice
-    stuck_frames: after this many frames in a row without increasing times, arrival times are used; this many frames are
-    sparse if they take twice their usual time [1]; source: a fault is to be reported within 200 ms
-        or three frames
-    clock_error_s: largest drift of a device's times from the arrival times [s]; choice
-    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one, in [s] and relative to
-        the usual one [1], at which arrival times determine exposure times; the larger counts; choice
-    even_s: time without uneven intervals, or without gaps, after which the fault that they cause ends [s]; choice
-    remembered_frames: number of frames whose earliest arrival ties the device's clock to the monotonic one [1]; choice
+    The usual interval is the median interval between the last settled_frames frames.
+    blocked_s: time without a returned read after which a source is blocked, and time with one repeated picture after
+        which it is frozen; a device whose reads fail for this time is reopened; longest duration of `close` [s]; choice
+    hung_s: duration of a read after which another thread opens the device, and FFmpeg ends the read of a stream; also
+        the longest pause between two attempts to open a lost device [s]; choice
+    opening_s: duration of the opening of a device after which another thread opens it [s]; choice: some cameras need
+        ten seconds
+    stream_opening_s: duration of the opening of a stream after which it fails [s]; choice
+    most_readers: largest number of reading threads, including those that hang [1]; choice
+    slow_intervals: number of usual intervals without a picture that is not yet a fault [1]; choice
+    settled_frames: number of frames for the usual interval; also the number of plausible device times in a row before
+        they are used [1]; choice
+    stuck_frames: number of frames in a row without an increasing time after which arrival times are used; also the
+        number of frames in the test for lost pictures [1]; source: a fault is to be reported within 200 ms or three
+        frames
+    clock_error_s: largest variation of the delay between a device's times and arrival times [s]; choice
+    uneven_s, uneven_share: if an interval differs from every multiple of the usual one by more than uneven_s [s] and
+        by more than uneven_share times the usual one [1], arrival times do not determine exposure times; choice
+    even_s: time without uneven intervals, or without gaps, after which the fault ends [s]; choice
+    remembered_frames: number of last frames whose least delay relates the device's clock to the monotonic clock [1];
+        choice
     backlog: largest number of waiting frames of a device if every frame is to be delivered [1]; choice
-    sharp_frames: number of equal parts of a film whose sharpest frames are used for a calibration [1]; choice
+    sharp_frames: number of equal parts of a film; the sharpest frame of each is used for a calibration [1]; choice
 
     Raises ValueError that names the invalid field.
     """

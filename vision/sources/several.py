@@ -1,4 +1,4 @@
-"""Pictures of several live cameras in order of exposure; simultaneous pictures are delivered together."""
+"""Pictures of several live cameras, in order of exposure. Simultaneous pictures are delivered together."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from vision.sources.settings import DEFAULTS
 
 TOGETHER_S = 1e-3
 """Largest difference between the times of pictures that count as simultaneous [s]; choice: cameras with a common
-trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
+trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm in this time."""
 
 JITTER_S = 5e-3
-"""Tolerance of the exposure time at which a camera's next picture is due [s]; choice: the error of an exposure time
-from arrival."""
+"""Tolerance of the predicted exposure time of a camera's next picture [s]; choice: the error of an exposure time that
+follows from an arrival time."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for another camera's picture, and for its first picture [s]; choices: less than a frame interval at 30
-frames/s, and enough for cameras that open one after the other."""
+"""Longest wait for the next picture of another camera, and for the first picture of another camera [s]; choices: less
+than a frame interval at 30 frames/s, and enough for cameras that open one after the other."""
 
 POLL_S = 2e-3
 """Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
 
 
 class SeveralFrames(Closing):
-    """Source of the newest pictures of several cameras, each delivered once, until all cameras end or `close()`.
+    """Source of the newest pictures of several cameras. Each picture is delivered at most once.
 
-    Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. An
-    exposure is dropped if all its cameras already have a newer picture. The next exposure of these cameras then has
-    priority over other cameras, so that a slow loop gets pictures of each camera.
+    Pictures whose exposure times differ by at most `TOGETHER_S` are one exposure. A picture is held back while another
+    camera is expected to deliver an earlier picture. An exposure is dropped if all its cameras have newer pictures. The
+    next exposure of these cameras is then delivered first, so that a slow caller gets pictures of every camera.
     sources: source of each camera by name; clock, nap: the monotonic clock [s], and a function that pauses
-    State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; cameras whose last
-    picture was dropped; number of pictures dropped here.
+    State: pictures of each camera that were not delivered yet, with their arrival times [s]; the last exposure times
+    [s]; cameras whose last picture was dropped; number of pictures that this object dropped.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class SeveralFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the first camera's own time is zero [s]; 0 if it has no own time."""
+        """As `LiveFrames.origin_s`, of the first camera [s]."""
         return next(iter(self.sources.values())).origin_s
 
     @property
@@ -79,21 +79,21 @@ class SeveralFrames(Closing):
 
     @property
     def waits(self) -> bool:
-        """Whether reading begins with the first request, as for films."""
+        """Whether reading begins with the first call of `next`, as for films."""
         return any(one.waits for one in self.sources.values())
 
     @property
     def late_s(self) -> float:
-        """Largest delay of pictures after their exposure times, due to a pause [s]."""
+        """As `LiveFrames.late_s`, the largest of all cameras [s]."""
         return max(one.late_s for one in self.sources.values())
 
     @property
     def uneven(self) -> bool:
-        """Whether a camera's pictures come so irregularly that arrival does not determine their exposure times."""
+        """As `LiveFrames.uneven`, for any camera."""
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The newest exposure not yet delivered; None at the end, or if none comes within timeout_s [s]."""
+        """The newest exposure that was not delivered yet; None at the end, or after a wait of timeout_s [s]."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()
@@ -107,7 +107,7 @@ class SeveralFrames(Closing):
             self._nap(min(until - now, POLL_S))
 
     def _fetch(self) -> None:
-        """Request the newest picture of each camera, which also detects faults."""
+        """Fetch the newest picture of each camera; this call also detects the camera's faults."""
         for name, source in self.sources.items():
             try:
                 frame = source.next(0.0)
@@ -118,7 +118,7 @@ class SeveralFrames(Closing):
                 self._last_s[name] = frame.exposure_s
 
     def _first(self) -> Exposure | None:
-        """The earliest waiting exposure; None if there is none, or another camera's picture is due before it."""
+        """The next exposure to deliver; None if no picture waits, or another camera's earlier picture is expected."""
         heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
         if not heads:
             return None
@@ -136,12 +136,12 @@ class SeveralFrames(Closing):
         return Exposure(first.exposure_s, images)
 
     def _drop(self, cameras: Iterable[str]) -> None:
-        """Count a picture of each of these cameras as dropped."""
+        """Note that one picture of each of these cameras was dropped."""
         self._skipped |= set(cameras)
         self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether a camera without a waiting picture will soon deliver one that was exposed before this time [s]."""
+        """Whether a camera is expected to deliver soon a picture that was exposed before exposure_s [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False
@@ -152,7 +152,7 @@ class SeveralFrames(Closing):
         return comes and waited_s < min(source.interval_s, MOST_WAIT_S)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events of all cameras since the last call."""
+        """The events of all cameras since the last call, camera by camera."""
         return tuple(
             SourceEvent(event.time_s, event.kind, f"camera {name}: {event.text}")
             for name, source in self.sources.items()
@@ -166,6 +166,6 @@ class SeveralFrames(Closing):
 
 
 def played_together(films: Mapping[str, FrameFile]) -> SeveralFrames:
-    """The films of several cameras at their own pace, on one clock."""
+    """Source that plays the films of several cameras simultaneously, at the speed of their exposure times."""
     start = Start()
     return SeveralFrames({name: played(film, start) for name, film in films.items()})

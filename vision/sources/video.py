@@ -1,4 +1,4 @@
-"""Writing of films in the formats of cameras and their software."""
+"""Writing of films, and JPEG compression of pictures."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from vision.arrays import Image
 from vision.sources.frames import FilePath, SourceError, opencv_name, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
-"""Compression of a film: each frame as JPEG, for small files, or lossless."""
+"""Compression of a film: MJPG stores each frame as a JPEG; FFV1 is lossless."""
 
 
 class VideoWriter:
-    """Writer of a film, which gets its name when it is complete.
+    """Writer of a film. The file has a temporary name until the film is complete.
 
-    MJPG compresses every frame separately as JPEG of the given quality, in .avi; FFV1 is lossless.
-    State: the open writer, the count of frames, whether it ended. As a context manager, it leaves no file on errors.
+    codec: see `Codec`; MJPG needs a path that ends in .avi; quality: JPEG quality, 1 to 100
+    If the block of its `with` statement raises an exception, the file is deleted.
+    State: the open writer, the number of frames, whether it ended.
     """
 
     def __init__(
@@ -60,16 +61,16 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film and give it its name; with sync, only when it is on the disk.
+        """Finish the film, then rename it to its final name; sync: whether to write it to the disk before that.
 
-        Raises SourceError and deletes the film if frames are missing, for example on a full disk, since OpenCV does not
-        report write errors. It can be called again after an interruption at any moment.
+        If frames are missing, for example because the disk is full, the film is deleted, and SourceError is raised.
+        OpenCV does not report write errors. If this call is interrupted, it can be repeated.
         """
         if self._ended:
             return
         self._writer.release()
         there = self._partial.exists()
-        if there or not self.path.exists():  # otherwise it was interrupted after the file got its name
+        if there or not self.path.exists():  # otherwise an earlier call was interrupted after the renaming
             n_found = sum(1 for _ in whole_packets(self._partial)) if there and self.n_frames else 0
             if not there or n_found < self.n_frames:
                 self._partial.unlink(missing_ok=True)
@@ -99,10 +100,7 @@ class VideoWriter:
 
 
 def compress(image: Image, quality: int) -> Image:
-    """The image, (height, width, 3), after compression as JPEG of this quality, 1 to 100, and decompression.
-
-    Frames of an MJPG film look like this.
-    """
+    """The image, (height, width, 3), after JPEG compression with this quality, 1 to 100, and decompression."""
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise ValueError(f"image: expected one that JPEG can encode, found {image.dtype} {image.shape}")

@@ -16,18 +16,19 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 DARK = 60
-"""Mean brightness of a picture, out of 255, below which cameras use longer exposures; choice."""
+"""Mean grey level of a picture below which cameras may use longer exposures, out of 255; choice."""
 
 
 class SourceWatchdog:
-    """Detects faults of a live source, from the times at which reads returned.
+    """Detects faults of a live source from the arrival times of its pictures.
 
-    `check` detects a fault if there was no answer, or only the same picture, for settings.blocked_s, or for
-    settings.slow_intervals usual frame intervals if these are longer; a failed read is a fault at once. may_repeat:
-    whether pictures may repeat, like those of a film
+    A failed read is a fault. `check` reports a fault if no read returned for too long, or if reads returned only the
+    same picture for too long: longer than settings.blocked_s and than settings.slow_intervals frame intervals.
 
-    State: times of the last answer and of the last new picture [s], the last intervals [s], the size, the present fault
-    or None, whether the picture repeats.
+    may_repeat: whether pictures may repeat, like those of a film
+
+    State: times of the last returned read and of the last new picture [s]; the last intervals [s]; the picture's size;
+    the present fault or None; whether the picture repeats.
     """
 
     def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
@@ -39,12 +40,12 @@ class SourceWatchdog:
         self._repeats = False
 
     def begin(self, now_s: float) -> None:
-        """Start at this time [s]: pictures are expected from now on."""
+        """Expect pictures from this time on [s]."""
         self.new_s = self._answer_s = now_s
 
     @property
     def interval_s(self) -> float:
-        """The usual interval between pictures [s], 0 before two pictures."""
+        """Median interval between the last pictures [s]; 0 before the second picture."""
         return float(np.median(self._intervals)) if self._intervals else 0.0
 
     def saw_new(self, now_s: float, size_px: tuple[int, int]) -> list[SourceEvent]:
@@ -62,7 +63,7 @@ class SourceWatchdog:
         return events
 
     def saw_repeat(self, now_s: float) -> None:
-        """Record that the last picture came again."""
+        """Record a picture that equals an earlier one."""
         self._answer_s, self._repeats = now_s, True
 
     def saw_failure(self, now_s: float, why: str) -> list[SourceEvent]:
@@ -71,7 +72,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """Events that are due because no new picture has come until now."""
+        """The events if the source has been blocked or frozen for too long at this time [s]."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -89,17 +90,17 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""Number of last frames that must not repeat: a hung driver may deliver its buffers, usually four, in turn."""
+"""A new frame must differ from this many last frames: a hung driver may deliver its buffers, usually four, in turn."""
 
 
 class FrozenValues:
-    """Detects repeated values: a frame has, to the last digit, all values of one of the last `IN_TURN` frames.
+    """Detects frames whose values equal, to the last digit, those of one of the last `IN_TURN` frames.
 
-    Because of noise, new values almost never repeat. A sender that sends each value several times is not frozen: FROZEN
-    needs two more successive repeats than are usual between new values. A frame without values is ignored.
+    Because of noise, new values almost never repeat. Some senders send each frame several times. So the source is
+    frozen only after two more repeats in a row than the median number of repeats. A frame without values is ignored.
 
-    frozen: whether the values repeat now
-    State: the last new frames; number of repeats before each, and since the newest; time of the newest [s].
+    frozen: whether the source is frozen now
+    State: frozen; the last new frames; number of repeats of each; time of the newest [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -110,7 +111,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Whether the values of a frame, by name, repeat and must not be used, and the events that this causes."""
+        """Whether the values of a frame, by name, repeat and must not be used, and the events to report."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -132,14 +133,15 @@ class FrozenValues:
 
 
 class SparsePictures:
-    """Detects, from exposure times, that at least every second picture is lost.
+    """Detects from exposure times that at least half of the pictures are lost.
 
-    Pictures are lost if `settings.stuck_frames` of them took twice their usual time, with more than one gap. A gap
-    exceeds the usual interval by half, which a drifting rate does not. A late reader finds waiting pictures, which
-    come in under half an interval. The fault is one event until no picture is missing for `settings.even_s`.
+    The usual interval is the median of the last intervals. A gap is an interval of more than 1.5 usual intervals.
+    Pictures are sparse if the last n = `settings.stuck_frames` intervals last 2 n usual ones, and two of them are gaps.
+    An interval below half the usual one shows that the reader was late, and that pictures had waited. The fault is
+    reported once, and ends after `settings.even_s` without a gap.
 
-    State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s],
-    and those used for the test; time of the last gap [s], None if pictures are not sparse.
+    State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s];
+    the intervals since pictures last waited [s]; time of the last gap [s], None if pictures are not sparse.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -151,11 +153,11 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """Restart after a pause, whose interval does not count for the rate."""
+        """Ignore the interval between the last picture and the next one, after a pause."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
-        """Record a picture exposed at this time [s]."""
+        """Record a picture and its exposure time [s]; returns the events."""
         before_s, self._last_s = self._last_s, exposure_s
         if before_s is None or not exposure_s > before_s:
             return []
@@ -192,6 +194,6 @@ class SparsePictures:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval [s], the median of recent intervals; None until half of these are known."""
+        """Median of the last intervals [s]; None until there are settled_frames / 2 intervals."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

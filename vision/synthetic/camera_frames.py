@@ -1,7 +1,7 @@
-"""Synthetic frames of a modelled camera, with marks at exactly known sub-pixel positions: lens, light, motion, sensor.
+"""Synthetic frames with marks at exactly known sub-pixel positions; models of lens, light, motion and sensor.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane [m]. Light is linear;
-colours are BGR. `vision/synthetic/plain_frames.py` has the plain camera, perpendicular to the plane.
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane. Light is linear, BGR.
+`vision/synthetic/plain_frames.py` has a simpler camera model.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 class Highlight:
     """Mirror image of the lamp on each mark.
 
-    size: its radius relative to the mark's
-    strength: 0 to 1, the share of the mark's colour that white replaces
-    offset: its position from the mark's centre along x and y of the plane, relative to the mark's radius
+    size: its radius, relative to the mark's radius
+    strength: share of the mark's colour that white replaces, 0 to 1
+    offset: its position relative to the mark's centre, along x and y of the plane [radii of the mark]
     """
 
     size: float = 0.2
@@ -37,12 +37,12 @@ class Highlight:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """Soft edge of a shadow that something outside the picture casts.
+    """A shadow with a soft, straight edge.
 
-    depth: 0 to 1, the share of light that the shadow removes
-    edge_px: a point on its edge [px], where it has half the depth
+    depth: share of light that the shadow removes, 0 to 1
+    edge_px: a point in the middle of its edge, where it removes half as much [px]
     towards_deg: direction in which it darkens, 0 right, 90 down [degrees]
-    softness_px: the standard deviation of its edge [px]
+    softness_px: standard deviation of the edge, whose profile is a logistic function [px]
     """
 
     depth: float
@@ -53,20 +53,20 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticCamera:
-    """A camera in front of a plane, with lamps and sensor; by default only the view has an effect.
+    """A camera in front of a plane, with a lamp; by default only the view has an effect.
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
-    vignetting: exponent on the natural law, cos⁴ of the ray's angle; 1 for that law, 0 for no vignetting
-    blur_sd_px: standard deviation of the lens's point spread [px]
-    exposure_share: share of the time between frames during which the shutter is open, 0 to 1
-    exposure: factor on the light that the sensor counts; with 1 a white object looks white
-    lamp_bgr: the lamp's colour, as shares of light
-    slope: decrease of light, as a share, from one border of the scene to the other along slope_deg
+    vignetting: light decreases as cos(angle of the ray) ** (4 vignetting); 1 is the natural law, 0 is no vignetting
+    blur_sd_px: standard deviation of the lens's point spread function [px]
+    exposure_share: share of the frame interval during which the shutter is open, 0 to 1
+    exposure: factor on the light; with 1 a white object looks white
+    lamp_bgr: colour of the lamp, as a factor on the light of each channel
+    slope: relative decrease of light from one border of the picture to the other along slope_deg
     slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
-    flicker: the lamp's ripple, as a share of light, which shows because rows are read one after the other
-    flicker_period_px, flicker_phase: rows per ripple [px], and its phase [radians]
-    highlight, shadow: the lamp's mirror image on marks, and a soft shadow; None: not present
+    flicker: relative amplitude of the lamp's flicker, which is visible because rows are exposed one after the other
+    flicker_period_px: number of rows in one period of the flicker [px]; flicker_phase: its phase [radians]
+    highlight: mirror image of the lamp on marks; shadow: a soft shadow; None: not present
 
     Raises ValueError that names the invalid field.
     """
@@ -105,7 +105,7 @@ class SyntheticMark:
     """A coloured disc on the plane, with its motion while the shutter is open.
 
     path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
-        middle moment has the mark's stated position
+        mark's true position is that of the middle moment
     radius_m: its radius [m]
     hue_deg, saturation, value: its colour under white light, in sRGB
     """
@@ -131,9 +131,9 @@ class SyntheticFrame:
     """A synthetic frame with its truth.
 
     image: (height, width, 3) BGR uint8
-    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2), which differ from the
+    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2); they are not exactly the
         centres of the ellipses in the picture
-    visible: the share of each mark that is in the picture and not covered, shape (n_marks,)
+    visible: share of each mark that is in the picture and not covered, shape (n_marks,)
     """
 
     image: Image
@@ -149,9 +149,9 @@ def draw_synthetic_frame(
     *,
     occluders: Sequence[Layer] = (),
 ) -> SyntheticFrame:
-    """Draw a frame of marks on a surface; later marks cover earlier ones, and occluders cover all marks.
+    """Draw a frame of marks on a surface. Later marks cover earlier marks, and occluders cover all marks.
 
-    surface_bgr: linear share of light that the empty plane reflects at each pixel, (height, width, 3)
+    surface_bgr: share of light that the plane without marks reflects, (height, width, 3)
     """
     width, height = camera.view.size_px
     if surface_bgr.shape != (height, width, 3):
@@ -175,7 +175,7 @@ def draw_synthetic_frame(
 
 
 def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
-    """Linear BGR shares of light, (3,), for a colour with this hue, saturation and value in sRGB."""
+    """Share of light that a surface reflects, linear BGR, (3,), from its hue, saturation and value in sRGB."""
     return light_of(colorsys.hsv_to_rgb(hue_deg % 360.0 / 360.0, saturation, value))[::-1].astype(np.float32)
 
 
@@ -210,7 +210,7 @@ def _visible_shares(
 
 
 def _light(camera: SyntheticCamera) -> Picture:
-    """Factor on the scene's colours at each pixel, (height, width, 3) or (height, 1, 3)."""
+    """Factor by which the light changes the scene's colours, (height, width, 3)."""
     light = _still_light(camera.view, camera.vignetting, camera.slope, camera.slope_deg)
     if camera.shadow is not None:
         light = light * _shadow_light(camera.view.size_px, camera.shadow)
@@ -228,7 +228,7 @@ def _still_light(view: SyntheticView, vignetting: float, slope: float, slope_deg
     light = np.ones((height, width))
     if vignetting:
         rays = view.rays(np.column_stack([u.ravel(), v.ravel()]))
-        # cos of the ray's angle is 1 / sqrt(1 + slope²)
+        # the cosine of the ray's angle is 1 / sqrt(1 + (x/z)² + (y/z)²)
         light *= (1.0 + (rays**2).sum(axis=1)).reshape(height, width) ** (-2.0 * vignetting)
     if slope:
         c, s = np.cos(np.deg2rad(slope_deg)), np.sin(np.deg2rad(slope_deg))
@@ -240,7 +240,7 @@ def _still_light(view: SyntheticView, vignetting: float, slope: float, slope_deg
 
 
 def _shadow_light(size_px: tuple[int, int], shadow: Shadow) -> Picture:
-    """Share of light that the shadow leaves; its edge is a logistic function with the stated standard deviation."""
+    """Share of light that the shadow leaves at each pixel, (height, width)."""
     c, s = np.cos(np.deg2rad(shadow.towards_deg)), np.sin(np.deg2rad(shadow.towards_deg))
     u = (np.arange(size_px[0]) - shadow.edge_px[0])[None, :]
     v = (np.arange(size_px[1]) - shadow.edge_px[1])[:, None]

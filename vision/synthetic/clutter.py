@@ -1,6 +1,6 @@
-"""Occluders and clutter of synthetic frames: needles and hands over marks, blood and other discs on the surface.
+"""Occluders and clutter in synthetic frames: needles and hands that cover marks, and blood on the surface.
 
-Image axes: u right, v down [px]. Colours are linear BGR shares of reflected light. Every shape follows from a seed.
+Image axes: u right, v down [px]. A colour is the share of light that the object reflects, linear, in BGR order.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of picture rows in each band in which a needle is drawn; a box around a whole slanted needle is too large."""
+"""Number of rows in each band of a needle. Bands are faster to draw than one box around a whole slanted needle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +38,13 @@ class OccludingNeedle:
 
 @dataclass(frozen=True, slots=True)
 class OccludingHand:
-    """A hand over the marks: fingers, out of focus, that enter from one side.
+    """A hand, out of focus, that covers marks with its fingers.
 
     tip_px: the end of its longest finger [px]
-    towards_deg: direction in which it points, 0 right, 90 down [degrees]
+    towards_deg: direction in which the fingers point, 0 right, 90 down [degrees]
     finger_px: half the width of a finger [px]
     n_fingers: number of fingers, 1 to 4
-    skin_srgb: its colour, red, green, blue in sRGB, 0 to 1
+    skin_srgb: colour of the skin in sRGB: red, green, blue, 0 to 1
     softness_px: standard deviation of the blur of its outline [px]
     """
 
@@ -57,7 +57,7 @@ class OccludingHand:
 
 
 def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
-    """The needle as bands of rows that do not overlap; coverage of pixels at its edges is accurate to 1e-2."""
+    """Layers of a needle, one for each band of rows; the coverage of pixels at its edges is accurate to 1e-2."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
     along = (tail - tip) / length
@@ -68,7 +68,7 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
     bottom = min(size_px[1], int(np.ceil(max(tip[1], tail[1]) + reach)) + 1)
     for row in range(top, bottom, ROWS_PER_BAND):
         end = min(row + ROWS_PER_BAND, bottom)
-        # Position at which the axis crosses the band, and the needle's width to both sides of it.
+        # The box is as wide as the part of the needle's axis in this band, with the needle's width on both sides.
         if abs(along[1]) > 1e-3:
             crossings = tip[0] + (np.array([row - reach, end + reach]) - tip[1]) * along[0] / along[1]
             ends = np.clip(crossings, min(tip[0], tail[0]), max(tip[0], tail[0]))
@@ -93,7 +93,7 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
 
 
 def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
-    """The hand as a layer, from the tip of its longest finger to outside the picture."""
+    """Layer of a hand that enters from outside the picture."""
     scale = 2  # half the picture's resolution suffices for a soft outline
     width, height = (size_px[0] + 1) // scale, (size_px[1] + 1) // scale
     angle = np.deg2rad(hand.towards_deg)
@@ -110,7 +110,7 @@ def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     for a, b, half in parts:
         distances = _distances_to_segment((width, height), a, b)
         alpha = np.maximum(alpha, np.clip(0.5 + half - distances, 0.0, 1.0))
-        # Fingers and palm are round, so that light decreases towards their sides.
+        # Fingers and palm are round: they are darker towards their sides.
         depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (distances / half) ** 2, 0.0, 1.0)))
     if hand.softness_px:
         alpha, depth = (cv2.GaussianBlur(part, (0, 0), hand.softness_px / scale) for part in (alpha, depth))
@@ -130,7 +130,7 @@ def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
 def blood_layer(
     size_px: Size, mark_radius_px: float, rng: np.random.Generator, *, n_smears: int, n_streaks: int, n_drops: int
 ) -> Layer:
-    """Blood on the surface: smears of irregular outline, thin streaks, and drops smaller than a mark."""
+    """Layer of blood on the surface: irregular smears, thin streaks, and drops smaller than a mark."""
     width, height = size_px
     alpha = np.zeros((height, width), dtype=np.float32)
     for _ in range(n_smears):
@@ -155,7 +155,7 @@ def blood_layer(
 
 
 def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator, *, texture: float = 0.0) -> Picture:
-    """Linear BGR light that an empty plane of this colour reflects, (height, width, 3); texture: its unevenness."""
+    """Linear BGR light from a plane of this colour, (height, width, 3); texture: its relative unevenness."""
     surface = np.ones((size_px[1], size_px[0], 3)) * light_of(srgb)[::-1]
     if texture:
         uneven = 0.7 * _clouds(size_px, 40.0, rng) + 0.5 * _clouds(size_px, 5.0, rng) + 0.5 * _clouds(size_px, 1.0, rng)
@@ -164,7 +164,7 @@ def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator
 
 
 def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture:
-    """The coverage of one smear: elongated, thin and torn at its edge."""
+    """The coverage of one smear, which is elongated and has a rough edge, (height, width)."""
     center, turn, tall = rng.uniform((0, 0), size_px), rng.uniform(0.0, np.pi), rng.uniform(0.25, 0.8)
     u, v = np.arange(size_px[0]) - center[0], (np.arange(size_px[1]) - center[1])[:, None]
     along, across = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
@@ -175,7 +175,7 @@ def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture
 
 
 def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture:
-    """Smooth random numbers with mean 0 and standard deviation about 1, (height, width)."""
+    """Smooth random numbers with mean 0 and standard deviation 1, (height, width)."""
     width, height = size_px
     step = max(1.0, grain_px / 2.0)
     coarse = (max(8, int(np.ceil(width / step))), max(8, int(np.ceil(height / step))))
@@ -185,7 +185,7 @@ def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture
 
 
 def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
-    """Distance of each pixel from the segment from a to b [px], (height, width)."""
+    """Distance between each pixel and the line segment from a to b [px], (height, width)."""
     u, v = np.arange(size_px[0], dtype=np.float32) - a[0], (np.arange(size_px[1], dtype=np.float32) - a[1])[:, None]
     d = b - a
     along = np.clip((u * d[0] + v * d[1]) / (d @ d), 0.0, 1.0)
@@ -193,5 +193,5 @@ def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
 
 
 def _fine(point: Picture) -> tuple[int, int]:
-    """A point as OpenCV's integers, in sixteenths of a pixel."""
+    """A point in sixteenths of a pixel, as OpenCV's drawing functions expect it."""
     return int(np.rint(16 * point[0])), int(np.rint(16 * point[1]))

@@ -1,6 +1,6 @@
 """Layers of a drawn scene: each has a colour, and covers a share of each pixel in part of the picture.
 
-Colours are linear BGR shares of reflected light.
+A colour is the share of light that the object reflects, linear, in BGR order.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from vision.arrays import Picture
 class Layer:
     """An object that covers part of the picture.
 
-    left, top: the pixel of its first element [px], which may lie outside the picture
-    alpha: the share of each pixel that it covers, shape (n_rows, n_columns), 0 to 1
-    color_bgr: its colour, linear, shape (3,) or (n_rows, n_columns, 3)
+    left, top: position of the first element of alpha in the picture [px]; it may lie outside the picture
+    alpha: the share of each pixel that the object covers, 0 to 1, shape (n_rows, n_columns)
+    color_bgr: its colour, shape (3,), or that of each pixel, shape (n_rows, n_columns, 3)
     """
 
     left: int
@@ -36,7 +36,7 @@ class Layer:
 
 
 def paint(picture: Picture, layer: Layer) -> None:
-    """Draw the layer over the picture, (height, width, 3), which is changed in place."""
+    """Draw a layer over a picture, (height, width, 3); the picture is changed in place."""
     inside, own = _overlap(picture.shape[:2], layer)
     part, alpha = picture[inside], layer.alpha[own].astype(np.float32)[:, :, None]
     color = layer.color_bgr if layer.color_bgr.ndim == 1 else layer.color_bgr[own]
@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Area of the layer on uncovered pixels [px]; free: uncovered share of each, (height, width), changed in place."""
+    """Area of a layer on uncovered pixels [px]; free: uncovered share of each pixel, (h, w), changed in place."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))
@@ -53,7 +53,7 @@ def take(free: Picture, layer: Layer) -> float:
 
 
 def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Rows and columns of the visible part in the picture, and in the layer; empty if it lies outside."""
+    """Rows and columns of the part of a layer inside the picture: in the picture, then in the layer."""
     inside, own = [], []
     for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
         low, high = max(start, 0), min(start + length, int(size))

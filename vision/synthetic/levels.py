@@ -12,11 +12,11 @@ from vision.synthetic.view import tilted_view
 Triple = tuple[float, float, float]
 
 LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 0.97), "tungsten": (0.45, 0.78, 1.25)}
-"""Colours of lamps as a sensor balanced for daylight records them; choice."""
+"""Colour of each lamp, as a sensor with a white balance for daylight records it; choice."""
 
 
 def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A camera in good light: modest noise, mild lamps, little lens distortion, almost perpendicular to the plane."""
+    """A random camera in good light, with little noise and distortion, almost perpendicular to the plane."""
     return SyntheticCamera(
         tilted_view(
             size_px,
@@ -44,7 +44,7 @@ def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> Synthetic
 
 
 def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A camera of the whole range: every effect acts, with random strength; choice: the range of webcams."""
+    """A random camera with every effect of `SyntheticCamera`. The strengths are a choice: the range of webcams."""
     lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
     balanced = float(rng.uniform(0.5, 1.0))
     gains = np.array(_cast(lamp, -balanced))
@@ -73,7 +73,7 @@ def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticC
         lamp_bgr=lamp,
         slope=float(rng.uniform(0.0, 0.5)),
         slope_deg=float(rng.uniform(0.0, 360.0)),
-        # A shutter that is open for whole periods of the lamp's ripple does not show the ripple.
+        # The longer the shutter is open, the weaker is the flicker in the picture.
         flicker=float(rng.uniform(0.0, 0.10)) * (1.0 - share) * float(rng.random() < 0.5),
         flicker_period_px=float(rng.uniform(0.3, 0.6)) * size_px[1],
         flicker_phase=float(rng.uniform(0.0, 2.0 * np.pi)),
@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour raised to a power: the part that white balance leaves, or the gains that remove the rest."""
+    """A lamp's colour raised to a power: above 0, a weaker cast of this colour; below 0, gains that reduce the cast."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

@@ -1,7 +1,7 @@
-"""Synthetic frames of a plain camera, with marks at exactly known sub-pixel positions.
+"""Synthetic frames of a camera without perspective, with marks at exactly known sub-pixel positions.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Colours: hue 0 red, 120 green, 240 blue;
-saturation and value 0 to 1. Grey levels 0 to 255.
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Hues: 0 red, 120 green, 240 blue. Saturation and
+value are 0 to 1, grey levels 0 to 255.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of chords of a disc per row of pixels, with which coverage is exact along u and accurate to 1e-3 along v."""
+"""Number of horizontal chords in each row of pixels, from which a disc's coverage is computed; accurate to 1e-3."""
 BLUR_REACH = 4.0
-"""Number of standard deviations after which a blurred edge ends."""
+"""Distance from an edge at which its blur ends [standard deviations of the blur]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +31,10 @@ class Disc:
     """A coloured disc in the picture.
 
     center_px: its centre [px], shape (2,)
-    axes_px: semi-axes along u and v [px]; they differ if pixels are not square
-    lean: shift along u of each row, per pixel of its distance below the centre [1], as for a disc seen obliquely
+    axes_px: semi-axes along u and v [px]
+    lean: shear, as for a disc seen obliquely: shift along u per pixel below the centre [1]
     hue_deg, saturation, value: its colour
-    smear_px: its motion along u and v while the shutter is open [px]; center_px is the middle of that path
+    smear_px: its motion along u and v while the shutter is open [px]; center_px is the position at mid-exposure
     """
 
     center_px: Floats
@@ -55,31 +55,31 @@ class Disc:
 
     @classmethod
     def of_shape(cls, center_px: Floats, shape_px: Floats, hue_deg: float) -> Disc:
-        """The disc center + shape_px @ unit disc, (2,) and (2, 2) [px], with the default colours of its hue."""
+        """The disc center_px + shape_px @ unit disc; center_px: (2,) [px], shape_px: (2, 2) [px]."""
         (a, b), (_, d) = shape_px @ shape_px.T
         return cls(center_px, (float(np.sqrt(a - b * b / d)), float(np.sqrt(d))), hue_deg, lean=float(b / d))
 
     @property
     def reach_px(self) -> Floats:
-        """Largest distance of the disc's points from its centre along u and v [px], (2,)."""
+        """Half the width and half the height of the disc's bounding box [px], (2,)."""
         across, down = self.axes_px
         return np.array([np.hypot(across, self.lean * down), down])
 
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """Effects of light, lens and sensor on a frame; by default those of a decent webcam in front of acrylic.
+    """Effects of light, lens and sensor on a frame; the defaults are for a good webcam in front of acrylic.
 
     background_bgr: colour of the acrylic in full light [grey levels]
-    slope: decrease of light from the picture's upper left to its lower right, as a share of full light
-    vignetting: decrease of light from the centre to the corners, as a share of full light
-    blur_sd_px: standard deviation of the lens's point spread [px]
-    noise_sd: the sensor's noise in the dark, after smoothing by the camera [grey levels]
-    shot_noise_sd: noise at level 255, which is proportional to the square root of light [grey levels]
-    grain_px: spread of the noise by the camera's smoothing [px], 0 for white noise
-    mark_strength: 1 for fresh marks; below 1, the remaining share of a worn mark's colour on the acrylic
-    wander_px: standard deviation of each mark's drawn position in each frame, per axis [px]; for errors that no picture
-    shows, such as those of manually marked references
+    slope: relative decrease of light from the picture's upper left to its lower right
+    vignetting: relative decrease of light from the centre to the corners
+    blur_sd_px: standard deviation of the lens's point spread function [px]
+    noise_sd: standard deviation of the noise in the dark [grey levels]
+    shot_noise_sd: standard deviation of the shot noise at level 255 [grey levels]
+    grain_px: standard deviation of a Gaussian that smooths the noise [px]; 0 for white noise
+    mark_strength: opacity of the marks: 1 for fresh marks, less for worn marks
+    wander_px: standard deviation, per axis, of a random shift of each mark in each frame [px], for errors that are not
+        visible in the picture
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -108,7 +108,10 @@ def draw_frame(
     *,
     lines: Sequence[Line] = (),
 ) -> Image:
-    """Draw a frame, (height, width, 3) BGR, with discs over thin grey lines [px]; later discs cover earlier ones."""
+    """Draw a frame, (height, width, 3) BGR, with discs. Later discs cover earlier discs.
+
+    lines: start and end of thin grey lines behind the discs [px], each (2,)
+    """
     backdrop, light = _backdrop(size_px, lighting)
     frame = backdrop.copy()
     if lines:
@@ -122,7 +125,7 @@ def draw_frame(
 def distractors(
     n: int, size_px: tuple[int, int], rng: np.random.Generator, keep_clear_of_hues: Sequence[float]
 ) -> list[Disc]:
-    """Discs with random positions and sizes, and hues at least 50 degrees from those in `keep_clear_of_hues`."""
+    """Discs with random positions, sizes and hues; their hues differ by at least 50 degrees from these hues."""
     clear = [h for h in range(0, 360, 5) if all(hue_distance(h, kept) >= 50.0 for kept in keep_clear_of_hues)]
     if n and not clear:
         raise ValueError(f"keep_clear_of_hues: expected to leave a hue free, found {list(keep_clear_of_hues)}")
@@ -135,12 +138,12 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting with which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm per pixel.
+    """Lighting with which detected marks have the error that the paper states, 4.14 mm.
 
-    It is for films of MJPG quality 60. The paper states only the resulting error; every value here is a choice. If
-    sensor noise alone caused 4.1 mm, at least a twentieth of the marks would not be recognisable, and the empty scene
-    would have colours of marks. So a picture does not show most of the error: the paper's own reference was marked
-    manually. A scene filmed like this must state that part of the error in calibration_sd_px.
+    Marks are 7 px wide, at 4.4 mm per pixel, in films of MJPG quality 60. The paper states only the error; every value
+    here is a choice. If sensor noise alone caused the error, at least one mark in twenty could not be recognised. So
+    most of the error is a random shift of the marks: the paper's reference was marked manually. The scene of the film
+    must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
@@ -148,7 +151,7 @@ def paper_camera() -> Lighting:
         shot_noise_sd=0.0,  # choice: noise_sd includes it
         grain_px=1.5,  # choice: colour of lower resolution than the picture
         mark_strength=1.0,  # choice: fresh marks
-        wander_px=0.68,  # choice: 3 mm per axis
+        wander_px=0.68,  # choice: an error of 3 mm per axis
     )
 
 
@@ -194,7 +197,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """The share of each pixel, from corner low to corner high, that the disc covers, averaged over the exposure."""
+    """The share of each pixel between two corners that the disc covers, averaged over the exposure."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)
@@ -228,10 +231,9 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 
 @lru_cache(maxsize=2)
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
-    """Standard normal numbers, (2 height, 2 width, 3), which are read from a random corner with a random sign.
+    """Random numbers with standard deviation 1, (2 height, 2 width, 3).
 
-    New noise for every frame would take longer than all other steps; two frames share noise at a mark only if
-    their corners are within a mark's size of each other, once in some hundred frames.
+    Each frame uses a random part of them with a random sign, because new noise would take longer than all other steps.
     """
     bank: Picture = np.random.default_rng(20).standard_normal((2 * height, 2 * width, 3), dtype=np.float32)
     if grain_px:

@@ -1,6 +1,6 @@
-"""Synthetic runs: marks that move smoothly in front of a realistic camera, in good light or the whole range.
+"""Synthetic runs: marks that move smoothly in front of a realistic camera, at two levels of difficulty.
 
-Everything follows from the seed: the camera, its lamps, the surface, the motion and the noise.
+The seed determines the camera, its lamps, the surface, the motion and the noise.
 """
 
 from __future__ import annotations
@@ -34,19 +34,20 @@ from vision.synthetic.plain_frames import distractors
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Level = Literal["good light", "whole range"]
-"""Difficulty of a synthetic run: even light and a sharp picture, or all disturbances of a real room."""
+"""Difficulty of a synthetic run: "good light" is even light and a sharp picture; "whole range" has all disturbances."""
 
 Triple = tuple[float, float, float]
 
 FASTEST_PX = 20.0
-"""Largest motion of a mark between two frames [px], at the surface's mean scale."""
+"""Largest motion of a mark between two frames [px], at the scale of mid-picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFrame:
-    """A frame of a run: its index, its time of mid-exposure [s], the camera at that time, its marks, picture and truth.
+    """A frame of a run.
 
-    The camera differs between frames if lamps and exposure drift; its view is the same in all frames.
+    time_s: time of mid-exposure [s]; camera: the camera at that time, since its lamps and exposure drift
+    marks: the marks; frame: the picture with its truth
     """
 
     index: int
@@ -60,7 +61,8 @@ class RunFrame:
 class Sway:
     """A smooth motion on the plane: a sum of sines about a home position.
 
-    home_m: shape (2,) [m]; amplitudes_m, phases: shape (n_sines, 2) [m, radians]; rates_hz: shape (n_sines,)
+    home_m: the home position [m], shape (2,); amplitudes_m: amplitudes of the sines [m], shape (n_sines, 2)
+    rates_hz: their frequencies [Hz], shape (n_sines,); phases: their phases [radians], shape (n_sines, 2)
     """
 
     home_m: Floats
@@ -69,30 +71,32 @@ class Sway:
     phases: Floats
 
     def at(self, times_s: Floats) -> Floats:
-        """Position at these times [s], (n,); shape (n, 2) [m]."""
+        """Positions [m], (n, 2), at times [s], (n,)."""
         angle = 2.0 * np.pi * self.rates_hz[:, None] * times_s[:, None, None] + self.phases
         return np.asarray(self.home_m + (self.amplitudes_m * np.sin(angle)).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """A factor that drifts slowly about 1: the exponential of a sine."""
+    """A factor that varies slowly about 1: the exponential of a sine with amplitude `depth`."""
 
     depth: float
     rate_hz: float
     phase: float
 
     def at(self, time_s: float) -> float:
-        """The factor at that time [s]."""
+        """The factor at a time [s]."""
         return float(np.exp(self.depth * np.sin(2.0 * np.pi * self.rate_hz * time_s + self.phase)))
 
 
 def exposure_path(
     position_m: Callable[[Floats], Floats], time_s: float, open_s: float, longest_step_m: float
 ) -> Floats:
-    """Positions of a mark at an odd number of evenly spaced moments of an exposure around time_s, (n_moments, 2) [m].
+    """Positions of a mark at evenly spaced moments of an exposure [m], (n_moments, 2).
 
-    Each moment is the middle of its part of the exposure, and no step exceeds longest_step_m [m].
+    position_m: function from times [s] to positions [m], (n, 2)
+    time_s: time of mid-exposure [s]; open_s: duration of the exposure [s]
+    longest_step_m: largest distance between successive positions [m]; it determines n_moments, an odd number
     """
     if open_s == 0:
         return position_m(np.array([time_s]))
@@ -112,10 +116,10 @@ def synthetic_run(
     radius_px: float | None = None,
     fps: float = 30.0,
 ) -> Iterator[RunFrame]:
-    """Frames of marks, one for each hue; each moves about a fixed point by up to 20 px per frame.
+    """Frames with one mark for each hue. Each mark moves about a fixed point, by up to `FASTEST_PX` per frame.
 
-    Level "good light" has modest noise, mild lamps, no occluders; "whole range" has every effect, with random strength.
-    radius_px: the marks' radius at mid-picture [px]; None: random
+    level: "good light" has little noise and no occluders; "whole range" has every effect, with random strength
+    radius_px: radius of the marks at mid-picture [px]; None: random
     """
     if level not in ("good light", "whole range"):
         raise ValueError(f"level: expected good light or whole range, found {level}")
@@ -157,7 +161,7 @@ def synthetic_run(
 
 
 def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
-    """A motion with random speed for each mark, about the middle of the mark's own tile of the picture."""
+    """For each of n marks, a motion with random speed near the middle of one tile of the picture."""
     n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
     tile = np.array(view.size_px) / (n_across, n_down)
@@ -166,8 +170,8 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
     for k in range(n):
         home = view.to_plane([(np.array([k % n_across, k // n_across]) + rng.uniform(0.42, 0.58, 2)) * tile])[0]
         shares = rng.dirichlet((2.0, 2.0))
-        speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # m/s; the sum of the sines' speeds is at most this
-        # Slow sines have large amplitudes, which the tile limits.
+        speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # largest sum of the speeds of the sines [m/s]
+        # Slow sines have large amplitudes. So the size of the tile limits the frequencies from below.
         slowest = speed / (2.0 * np.pi * 0.28 * tile.min() * scale)
         rates = np.maximum(rng.uniform(0.4, 1.2, 2), slowest)
         heading = rng.uniform(0.0, 2.0 * np.pi, 2)
@@ -180,7 +184,7 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
 def _surface(
     view: SyntheticView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
 ) -> Picture:
-    """The empty plane; at the level "whole range" it has blood and discs of other hues on it."""
+    """Picture of the plane without marks; at the level "whole range" it shows blood and discs of other hues."""
     if level == "good light":
         return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
     tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))
@@ -204,7 +208,7 @@ def _surface(
 
 
 def _drifts(rng: np.random.Generator, level: Level) -> tuple[Drift, Drift]:
-    """Drift of the exposure and of the lamp's colour."""
+    """Drift of the exposure, and drift of the lamp's colour."""
     deepest = (0.02, 0.01) if level == "good light" else (0.25, 0.10)
     one, two = (
         Drift(float(rng.uniform(0.0, d)), float(rng.uniform(0.05, 0.6)), float(rng.uniform(0.0, 2.0 * np.pi)))
@@ -218,9 +222,9 @@ def _no_cover(time_s: float) -> list[Layer]:
 
 
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
-    """Function from a time [s] to layers: in some runs a needle that slides in and out, and a hand that enters.
+    """Function from a time [s] to occluding layers. In some runs there is a moving needle, a moving hand, or both.
 
-    Both are aimed at a mark's home position, since otherwise they would seldom cover a mark.
+    Each is aimed at the home position of a mark: otherwise it would seldom cover a mark.
     """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)

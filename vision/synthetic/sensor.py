@@ -1,6 +1,6 @@
-"""Model of a sensor and its camera's software: Bayer mosaic, noise, white balance, gamma, JPEG.
+"""Model of a camera's sensor and software: Bayer mosaic, noise, white balance, gamma, JPEG.
 
-Light is linear; 1 gives a grey level of 255 at gains of 1. Pictures are BGR.
+Light is linear. With white balance gains of 1, light 1 has the grey level 255. Pictures are BGR.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from vision.sources.video import compress
 
 FULL_SCALE = 65535
 BLACK = 4096
-"""Sensor count without light: noise in the dark has both signs, and clipping at 0 would brighten the dark."""
+"""Sensor count without light. It is above 0, because clipping negative noise at 0 would brighten dark pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor and its camera's software; by default they only round to grey levels.
+    """A camera's sensor and software; by default they only round light to grey levels.
 
-    bayer: whether each pixel has one colour, RGGB from the first pixel on, and other colours are interpolated
+    bayer: whether the sensor has a Bayer mosaic, RGGB from the first pixel on
     full_well_e: number of electrons at light 1; the variance of shot noise is light / full_well_e
-    read_noise_e: the noise in the dark [electrons]; needs a finite full well
+    read_noise_e: standard deviation of the noise in the dark [electrons]; more than 0 needs a finite full_well_e
     gains_bgr: gains of the white balance, applied after the noise
-    gamma: whether grey levels follow sRGB's curve; otherwise they are proportional to light
+    gamma: whether grey levels follow the sRGB curve; otherwise they are proportional to light
     jpeg_quality: quality of JPEG compression, 1 to 100; None: no compression
     """
 
@@ -53,7 +53,7 @@ class Sensor:
 
 
 def srgb_of(light: ArrayLike) -> Floats:
-    """The sRGB value, 0 to 1, (...), of linear light, (...) (IEC 61966-2-1).
+    """Convert linear light to sRGB values (IEC 61966-2-1), both from 0 to 1, (...).
 
     >>> round(float(srgb_of(0.18)), 3)
     0.461
@@ -63,13 +63,13 @@ def srgb_of(light: ArrayLike) -> Floats:
 
 
 def light_of(srgb: ArrayLike) -> Floats:
-    """Linear light, 0 to 1, (...), of an sRGB value, 0 to 1, (...); the inverse of `srgb_of`."""
+    """Convert sRGB values to linear light, both from 0 to 1, (...); the inverse of `srgb_of`."""
     y = np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
     return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
 
 
 def develop(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Image:
-    """Picture (height, width, 3) uint8 of linear light (height, width, 3) float32; a mosaic needs an even size."""
+    """Picture, (height, width, 3) uint8, from linear light, (height, width, 3) float32; a mosaic needs an even size."""
     height, width = light.shape[:2]
     if sensor.bayer and (height % 2 or width % 2):
         raise ValueError(f"light: expected an even width and height for a mosaic, found {width} x {height}")
@@ -102,7 +102,7 @@ def _with_noise(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Pic
 
 
 def _counts(light: Picture) -> NDArray[np.uint16]:
-    """Light as whole counts of the sensor, from 0 to full scale."""
+    """Sensor counts of light, from 0 to `FULL_SCALE`."""
     counts = light * np.float32(FULL_SCALE - BLACK)
     counts += np.float32(BLACK + 0.5)
     np.clip(counts, 0, FULL_SCALE, out=counts)
@@ -111,6 +111,6 @@ def _counts(light: Picture) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=64)
 def _tone_table(gain: float, gamma: bool) -> Image:
-    """Table with the grey level of each count of the sensor."""
+    """Table of the grey level of each sensor count, (FULL_SCALE + 1,)."""
     light = np.clip((np.arange(FULL_SCALE + 1) - BLACK) * (gain / (FULL_SCALE - BLACK)), 0.0, 1.0)
     return np.rint(255.0 * (srgb_of(light) if gamma else light)).astype(np.uint8)

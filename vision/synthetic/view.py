@@ -1,7 +1,7 @@
 """Projection of a synthetic camera: a lens with distortion, a pose, and the exact image of a disc on the plane.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes x and y [m]; a point (x, y, 0) has the
-position R (x, y, 0) + t relative to the lens, with the lens's z forward (OpenCV's convention).
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x and y, metres. Camera axes: x right,
+y down, z forward, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Box = tuple[int, int, int, int]
 """Box of pixels: left, top, right + 1, bottom + 1 [px]; it may extend outside the picture."""
 
 SAMPLES_PER_PIXEL = 8
-"""Number of sub-samples of a pixel along each axis; an edge through a sub-sample gives it a partial share."""
+"""Number of sub-samples of a pixel along each axis; a disc may cover part of a sub-sample."""
 MOVING_SAMPLES_PER_PIXEL = 4
-"""Number of sub-samples along each axis for a moving disc, whose moments use different sub-samples."""
+"""Number of sub-samples along each axis for a moving disc; fewer suffice, because motion averages over them."""
 NODES = 9
-"""Number of Chebyshev nodes along each axis of a box: for 100 px and a distorting lens, rays err by 1e-6 px."""
+"""Number of Chebyshev nodes along each axis of a box; in a box of 100 px, distorted rays err by 1e-6 px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,8 @@ class SyntheticView:
 
     size_px: width and height of the picture [px]
     matrix: focal lengths and principal point [px], shape (3, 3)
-    rotation, translation_m: motion from the plane's axes to the lens's, shapes (3, 3) and (3,) [m]
+    rotation: rotation from plane axes to camera axes, shape (3, 3)
+    translation_m: origin of the plane in camera axes [m], shape (3,)
     distortion: k1, k2, p1, p2, k3 as in OpenCV
 
     Raises ValueError that names the invalid field.
@@ -74,7 +75,7 @@ class SyntheticView:
         return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
 
     def rays(self, points_px: ArrayLike) -> Floats:
-        """Slopes x/z and y/z of the rays of positions in the picture [px], (n, 2); shape (n, 2)."""
+        """Slopes x/z and y/z, (n, 2), of the rays through positions in the picture [px], (n, 2)."""
         p = np.asarray(points_px, dtype=np.float64).reshape(-1, 1, 2)
         stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-10)
         rays = cv2.undistortPoints(p, self.matrix, np.array(self.distortion), criteria=stop)
@@ -92,7 +93,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """Width of a pixel on the plane at a point, (2,) [m]: the root of the area that it covers."""
+        """Size of a pixel on the plane [m]: the root of the area that it covers; center_m: point of the plane, (2,)."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]
@@ -107,9 +108,10 @@ def tilted_view(
     tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> SyntheticView:
-    """A view with the plane's origin at mid-picture and mm_per_px there, rotated about u, v and depth [degrees].
+    """A view with the plane's origin at mid-picture. Without tilt, x is right and y is up.
 
-    Without tilt x is right and y up.
+    focal_px: focal length [px]; mm_per_px: scale at mid-picture [mm/px]
+    tilt_deg: rotations of the plane about u, v and depth [degrees]; distortion: as in `SyntheticView`
     """
     if not min(focal_px, mm_per_px) > 0:
         raise ValueError(f"view: expected focal_px and mm_per_px of more than 0, found {focal_px} and {mm_per_px}")
@@ -136,7 +138,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
     """The share of each pixel in the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
-    Returns shape (bottom - top, right - left), 0 to 1. Error: at most 1e-3 of the disc's area, for radii from 2 px on.
+    Returns shape (bottom - top, right - left), 0 to 1. From a radius of 2 px on, the disc's area is accurate to 1e-3.
     """
     n_samples = SAMPLES_PER_PIXEL if len(path_m) == 1 else MOVING_SAMPLES_PER_PIXEL
     middle = path_m.mean(axis=0)
@@ -151,9 +153,9 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
 
 
 def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
-    """Positions on the plane, x and y from the origin [m], of the box's sub-samples; each (n_rows, n_columns).
+    """Positions x and y on the plane, relative to the origin [m], of the box's sub-samples; each (n_rows, n_columns).
 
-    Rays are traced at Chebyshev nodes and interpolated: the map is smooth, and tracing all rays takes 20 times longer.
+    To save time, rays are traced only at Chebyshev nodes, then interpolated.
     """
     (u, along_u), (v, along_v) = (_interpolation(box[k], box[k + 2], n_samples) for k in (0, 1))
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -162,7 +164,7 @@ def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: i
 
 
 def _interpolation(low: int, high: int, n_samples: int) -> tuple[Floats, Floats]:
-    """Nodes between low and high [px], and the matrix from values at the nodes to values at the sub-samples."""
+    """Chebyshev nodes from low to high [px], and the matrix that interpolates from nodes to sub-samples."""
     nodes, inverse = _nodes()
     n = (high - low) * n_samples
     at = 2.0 * (np.arange(n) + 0.5) / n - 1.0

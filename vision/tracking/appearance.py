@@ -1,7 +1,7 @@
 """Appearance model of a mark: its last complete views, and their best match in a picture.
 
-If blood of the same colour touches a mark, or a hand covers half of it, the pixels of its colour have another shape.
-Then the picture is compared pixel by pixel with the mark's earlier appearance. Image axes: u right, v down, pixels.
+If blood of a mark's colour touches the mark, or a hand covers half of it, the pixels of this colour do not have the
+mark's shape. Then the picture is compared pixel by pixel with earlier views. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vision.tracking.likeness import likeness, likeness_in_other_light, median_c
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
-"""Step of the coarse search [px]; this search only saves time."""
+"""Distance between positions in the coarse search, which saves time [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,8 +31,9 @@ class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
     center_px: centre of the mark [px], (2,)
-    score: from -1.5 for no similarity to 1.5 for the mark in different surroundings; share: share of the mark's pixels
-    that are similar; around: similarity of the ring around it, from -1 to 1; color_bgr: median of similar pixels
+    score: similarity inside the mark minus the weighted similarity of the ring around it, from -1.5 to 1.5
+    share: share of similar pixels in the mark; around: similarity between the ring and the mark's colour, from -1 to 1
+    color_bgr: median colour of the similar pixels [grey levels]
     weighed: the score minus a loss for the distance from the mark's expected position
     """
 
@@ -46,10 +47,11 @@ class AppearanceMatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Template:
-    """A mark and its surroundings.
+    """The median view of a mark and its surroundings.
 
-    inside, ring: pixels relative to its centre, (n, 2); colors: colours of pixels inside, (n, 3); core, behind: median
-    colours inside and in the ring, (3,)
+    inside, ring: pixels of the mark and of the ring around it, relative to its centre, each (n, 2)
+    colors: colours of the pixels `inside`, (n, 3)
+    core, behind: median colours of the pixels `inside` and `ring`, each (3,)
     """
 
     inside: NDArray[np.int64]
@@ -61,15 +63,12 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is so similar to the mark that the ring does not differ from the mark."""
+        """Whether the background is too similar to the mark to distinguish them."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class _View:
-    """A mark in one frame: its picture, its centre in the picture, (2,), and its shape, (2, 2).
-
-    State: the picture after its last transformation, and the shape to which it was transformed.
-    """
+    """A stored view of a mark: part of a frame, the mark's centre in that part, (2,), and the mark's shape, (2, 2)."""
 
     def __init__(self, picture: Image, center_px: Floats, shape_px: Floats, blur_px: float) -> None:
         self._sharp, self.center_px, self._shape, self._blur_px = picture, center_px, shape_px, blur_px
@@ -77,11 +76,11 @@ class _View:
 
     @cached_property
     def picture(self) -> Image:
-        """The smoothed picture, computed on demand, because most views are never compared."""
+        """The smoothed view, computed on demand, because most views are never compared."""
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The picture transformed to the shape with this inverse, (2, 2), up to `half` pixels from its centre."""
+        """The view transformed to the shape with this inverse, (2, 2), up to `half` pixels from the mark's centre."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -95,7 +94,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of the mark; unseen: number of frames since the last complete view, which the caller counts
+    hue_deg: hue of the mark; unseen: number of frames since the last stored view, which the caller increments
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -106,11 +105,11 @@ class AppearanceModel:
 
     @property
     def is_full(self) -> bool:
-        """Whether the model has views from as many frames as it stores."""
+        """Whether the model has `AppearanceSettings.n_views` views."""
         return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
-        """Store a frame's view of the mark, unless the picture's border is near."""
+        """Store the view of the mark in a frame, unless it extends beyond the picture."""
         half = _half(outline, self._settings) + 2
         x, y = center_px.tolist()
         u, v = round(x), round(y)
@@ -132,9 +131,10 @@ class AppearanceModel:
     ) -> AppearanceMatch | None:
         """The best match of the mark's appearance near its expected position.
 
-        about_px, within_px: limit the search further to this distance from this position, (2,)
-        another: whether to fit the colour at each position, to find any mark of this kind; the highlight is known
-        Returns None if the mark may be anywhere, or cannot be distinguished from its surroundings.
+        about_px, within_px: if given, a centre [px], (2,), and the largest distance of compared positions from it [px]
+        another: whether to fit the mark's colour at each position, for example after a change of light
+
+        Returns None if the search range is too large, or the mark cannot be distinguished from its background.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
@@ -156,7 +156,7 @@ class AppearanceModel:
         )
         box = (u0, v0, u1, v1)
         if another:
-            # a colour is fitted at each position: first at every third position, then near the best
+            # the colour is fitted at every third position, then at each position near the best one
             _, weighed = _weighed(part, corner, box, template, expected, COARSE_PX, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
             u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
@@ -203,9 +203,9 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """The evidence of `likeness` for positions in a box, and their scores minus the loss for distance.
+    """For positions in a box: the result of `likeness`, and the scores minus the loss for distance from expectation.
 
-    part, corner: part of the picture, and its first pixel; box: box of positions in the picture
+    part, corner: part of the picture, and the position of its first pixel; box: u0, v0, u1, v1 in the whole picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
@@ -224,12 +224,12 @@ def _weighed(
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:
-    """Scores from evidence inside and around, which `likeness` returns."""
+    """Scores from the result of `likeness`."""
     return evidence[0] - ring_weight * evidence[2]
 
 
 def _half(outline: Outline, settings: AppearanceSettings) -> int:
-    """Distance from the centre to the outer edge of the ring [px]."""
+    """Distance from the mark's centre to the outer edge of the ring [px]."""
     (a, b), (c, d) = outline.shape_px.tolist()
     # the longer half axis is the larger singular value, in closed form
     total = a * a + b * b + c * c + d * d
@@ -238,12 +238,12 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distance of colours, relative to the distance of similar pixels; pixels, colors: (n, 3) or (3,) each."""
+    """Squared distances between pixels and colours, each (n, 3) or (3,); similar colours have distances below 1."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 
 def _peak(line: Floats, k: int) -> float:
-    """Offset of the peak of the parabola through the largest value and its neighbours, at most half a step."""
+    """Offset from index k to the peak of the parabola through value k and its two neighbours, at most 0.5."""
     if not 0 < k < len(line) - 1:
         return 0.0
     bend = 2.0 * line[k] - line[k - 1] - line[k + 1]

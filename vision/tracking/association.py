@@ -19,7 +19,7 @@ SAME_CLASS_DEG = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedMark:
-    """A detection, with the name of the node that has its mark."""
+    """A detection with the name of its mark's node."""
 
     name: str
     detection: Detection
@@ -36,10 +36,10 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most probable pairs, in the order of `expected`; marks without a detection are omitted.
+    """The most probable pairs of mark and detection, in the order of `expected`; other marks are omitted.
 
-    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Among the sets of pairs with
-    the most marks, the one with the least sum of d² + log det S is chosen.
+    The members of a pair have one hue, and their squared Mahalanobis distance d² is at most `gate`. Of the assignments
+    with the most pairs, the one with the least sum of d² + log det S is chosen. S is the innovation covariance.
     """
     if not detections or not expected:
         return []
@@ -60,7 +60,7 @@ def associate_marks(
     if not allowed.any():
         return []
     cost = squared + np.log(det)
-    # A forbidden pair costs more than any two allowed sets can differ, so that it is the last choice.
+    # A forbidden pair costs more than the difference between any two sets of allowed pairs: it is the last choice.
     forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
     rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
     return [

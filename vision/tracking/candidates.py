@@ -17,9 +17,9 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; if the ring differs, fewer similar pixels suffice.
+    """Whether a match of a mark's appearance model is the mark.
 
-    color_distance: squared distance of its colour from its kind's, relative to the gate; above 1 it needs a high score
+    color_distance: distance of its colour, as in `AdaptiveHue.distance`; above 1, the match needs a higher score
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark: its ring must be unlike it, and its score higher than usual.
+    """Whether a match with a fitted colour is a mark. Score and ring have stricter limits than in `is_mark`.
 
     color_distance: as in `is_mark`, for the fitted colour
     """
@@ -39,17 +39,17 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """The score that a match needs [1]; for a colour beyond the gate it is multiplied by color_distance squared."""
+    """The least score of a match [1]; if color_distance exceeds 1, it is multiplied by the square of color_distance."""
     return score * max(color_distance, 1.0) ** 2
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether the ring around a match is unlike the mark."""
+    """Whether the ring around a match certainly shows background."""
     return match.around < settings.free
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Detection of a mark at the centre of a match; its covariance [px²] grows as the score falls."""
+    """Detection of a mark at the centre of a match; the lower the score, the larger its covariance [px²]."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)
@@ -58,7 +58,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour: its centre is the mean of the centres of match and rim.
+    """As `detection_at`, for a match with a fitted colour. If a rim is close, the centre is the mean of both centres.
 
     frame_bgr: (height, width, 3) uint8
     """
@@ -72,7 +72,7 @@ def detection_in_other_light(
 
 
 def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: DetectionSettings) -> Floats | None:
-    """The centre of the rim around a match [px], (2,); None if there is none."""
+    """The centre of the rim around a match [px], (2,); None if no rim is found."""
     assert one.outline is not None
     reach = int(2.0 * (one.outline.area_px / np.pi) ** 0.5 + settings.coverage.pad_px)
     u, v = (round(float(x)) for x in match.center_px)
@@ -85,7 +85,7 @@ def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: D
 
 
 def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """A detection whose centre is the mean of its own and a match's [px], weighted by their covariances [px²]."""
+    """The detection, moved to the mean of its centre and a match's centre [px], weighted by covariances [px²]."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center_px = seen.center_px + gain @ (match.center_px - seen.center_px)

@@ -25,8 +25,8 @@ SQUARE_2 = np.ones((2, 2), np.uint8)
 class Distractor:
     """A new object in the picture that has the colour of marks but is not a mark.
 
-    hue_deg: the nominal hue of these marks; like: the name of the nearest of them
-    center_px: the middle of its largest piece [px], (2,); size: its area relative to that of a mark [1]
+    hue_deg: nominal hue of the marks with its colour; like: name of the nearest of these marks
+    center_px: centre of its largest connected part [px], (2,); size: its area, relative to the area of a mark [1]
     """
 
     hue_deg: float
@@ -37,9 +37,10 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """Number of samples that have a hue but lie outside its marks.
+    """Numbers of sampled pixels that have a hue but lie outside the marks.
 
-    known: number that is not new; of_late: numbers in the last frames; reported: excess over known in the last report
+    of_late: numbers in the last frames; known: number of pixels of known objects
+    n_seen: number of frames; reported: number of pixels of new objects in the last report
     """
 
     of_late: deque[float]
@@ -49,12 +50,12 @@ class _Level:
 
 
 class DistractorWatch:
-    """Reports, once each, new or grown objects in a mark's colour that are as large as a mark.
+    """Reports each new or growing object in a mark's colour once, if its area is comparable to that of a mark.
 
-    Each frame is sampled at a few points per mark diameter, which takes a fraction of the time of a search. Connected
-    samples outside marks count, except for a hue with a missing mark, because they may be that mark. Objects in the
-    first frames count as known, and so do those that enter a colour range when it adapts to its marks.
-    State: the colour ranges in the last frame; numbers of samples by nominal hue.
+    To save time, it examines only a few pixels per mark diameter. It does not report objects that were in the first
+    frames, and objects that get a mark's colour because the colour range adapts: these objects are known. While a mark
+    is missing, no object of its hue is reported, because that object may be the mark.
+    State: the colour ranges in the last frame; numbers of sampled pixels by nominal hue.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -69,9 +70,10 @@ class DistractorWatch:
         expected: Sequence[Expected],
         found: Mapping[str, Detection],
     ) -> tuple[Distractor, ...]:
-        """The new objects in this frame.
+        """The objects to report in this frame.
 
-        hues: present colour range of each kind of mark, by nominal hue; expected: all marks; found: found marks by name
+        hues: present colour range of each kind of mark, by nominal hue
+        expected: all marks; found: detections of the found marks by name
         """
         radii = [_radius_px(one) for one in expected]
         if not radii or None in radii:
@@ -99,7 +101,7 @@ class DistractorWatch:
         return tuple(distractors)
 
     def _step(self, frame_bgr: Image, radius_px: float) -> int:
-        """Spacing of the samples [px]."""
+        """Distance between sampled pixels [px]."""
         s, (height, width) = self._settings, frame_bgr.shape[:2]
         return max(1, int(s.spacing * radius_px), ceil((height * width / s.most_samples) ** 0.5))
 
@@ -120,7 +122,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether n samples show a new object that stays; mark: number of samples of one mark."""
+        """Whether to report a new object; n: number of sampled pixels outside marks; mark: number in one mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -152,7 +154,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """Masks of the connected samples of each hue: 1, else 0, (h, w) uint8 each."""
+    """For each hue, a mask of the connected sampled pixels of the hue: 1, else 0, (h, w) uint8."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
@@ -161,5 +163,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """Mask of the samples that are part of a square of four; usually there are none."""
+    """Mask of those pixels that belong to a square of 2 x 2 set pixels."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

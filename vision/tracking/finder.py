@@ -21,13 +21,12 @@ from vision.tracking.templates import AppearanceTemplates
 class MarkFinder:
     """Finds marks by their hue and names them by their expected positions, frame after frame.
 
-    hues: colour ranges of the marks, by the nominal hue that `Expected` has
-    settings: settings of all stages; `settings.stages` names the stages that run, in their order
-    explain: record why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
-    It searches near expected positions; at the start and for a missing mark, it searches the whole picture.
-    State: adapted colours; appearance models; names of marks missed in the last frame, None before the first;
-    with explain, that frame's search, and the state of the distractors.
-    Raises HueError if marks of one hue differ in their range of colours, ValueError for an unknown stage.
+    It searches near expected positions. In the first frame, and if a mark is missing, it searches the whole picture.
+    hues: colour range of each kind of mark; settings: settings of all stages
+    explain: whether to record why marks were not found, in `lost`, and new distractors, in `came`
+    State: adapted colours; appearance models; names of marks missed in the last frame, None before the first frame;
+    with explain, the search of the last frame, and the state of the distractors.
+    Raises HueError if two marks of one hue have different colour ranges, ValueError for an unknown stage.
     """
 
     def __init__(
@@ -53,7 +52,7 @@ class MarkFinder:
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
-        expected_after_impulse: expected position of a mark, by name, if an impulse acted since its last detection
+        expected_after_impulse: function from a mark's name to its expected position if an impulse has moved it
         """
         search = Search(
             frame_bgr,
@@ -79,7 +78,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Reasons why marks were not found in the last frame; empty without explain."""
+        """Reasons why marks were not found in the last frame; empty if the finder has explain = False."""
         search = self._last
         if search is None or search.rejections is None:
             return ()
@@ -95,7 +94,7 @@ class MarkFinder:
 
 
 def _of_one_range(hues: Iterable[MarkHue]) -> list[MarkHue]:
-    """The different hues; raises HueError if marks of one hue differ in their range of colours."""
+    """The colour ranges without duplicates; raises HueError if two marks of one hue have different colour ranges."""
     known: dict[float, MarkHue] = {}
     for hue in hues:
         other = known.setdefault(hue.hue_deg, hue)

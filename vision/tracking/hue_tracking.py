@@ -13,15 +13,15 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER, HueTrackingSettings
 
 LEAST = 0.01
-"""Rounding step of saturation and value: `MarkHue` does not accept 0."""
+"""Least saturation and value, because `MarkHue` does not accept 0."""
 
 
 class AdaptiveHue:
     """The colour range of a kind of mark, adapted from frame to frame.
 
     now: the present colour range of this kind
-    State: now, and the number of frames from which it was learned; the mean colour as hue [degrees from its start],
-    saturation and log of value, and the variance of hue and saturation about the mean.
+    State: now; the number of frames from which it was learned; the mean colour, as change of hue since the start
+    [degrees], saturation and log of value; the variances of hue and saturation.
     """
 
     def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:
@@ -37,7 +37,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared distance of a detection's colour from the kind's, relative to the gate; 0 until marks were found."""
+        """Squared Mahalanobis distance of a detection's colour, relative to the gate; 0 until the colour is learned."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
@@ -48,7 +48,7 @@ class AdaptiveHue:
         return squared / settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
-        """Update with the colours of marks that were found and named, except partly occluded or clipped ones."""
+        """Update the colour range with the colours of found marks; occluded and clipped marks are ignored."""
         first, settings = self._first, self._settings
         colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.occluded or d.clipped)]
         if not colors:

@@ -1,7 +1,8 @@
 """Compiled comparison of a picture with a mark's appearance, position by position.
 
-frame: (height, width, 3) uint8; box: range of positions u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's
-centre, (n, 2); colors: colours of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
+frame: (height, width, 3) uint8; box: compared positions, from (u0, v0) up to but not including (u1, v1) [px]
+inside, ring: pixels of the mark and of the ring around it, relative to the mark's centre, each (n, 2)
+colors: colours of the pixels `inside`, (n, 3); core, behind: median colours of `inside` and `ring`, each (3,)
 settings: from `AppearanceSettings.for_kernel`
 """
 
@@ -11,14 +12,15 @@ import numpy as np
 from numba import njit
 
 N_FITS = 2
-"""Number of iterations in the fit of a colour: more do not change the result."""
+"""Number of iterations in the fit of a colour; more iterations do not change the result."""
 
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
-    """Pixels inside a mark and in the ring around it, relative to its centre, each (n, 2).
+    """Pixels inside a mark, and in the ring around it, relative to its centre, each (n, 2).
 
-    inverse: inverse of the mark's shape, (2, 2); half: outer distance of the ring [px]; margin, ring_px: see settings
+    inverse: inverse of the mark's shape, (2, 2); half: distance from the centre to the ring's outer edge [px]
+    margin, ring_px: see `AppearanceSettings`
     """
     places = np.empty((2, (2 * half + 1) ** 2, 2), dtype=np.int64)
     pixel = np.sqrt(abs(inverse[0, 0] * inverse[1, 1] - inverse[0, 1] * inverse[1, 0]))
@@ -38,7 +40,7 @@ def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_picture(views):  # type: ignore[no-untyped-def]
-    """Median of pictures, (n, height, width, 3) uint8: as `np.median` over the first axis, for few pictures."""
+    """Median of a few pictures for each pixel and channel; views: (n, height, width, 3) uint8."""
     n, height, width = views.shape[:3]
     median, several = np.empty((height, width, 3)), np.empty(n)
     for y in range(height):
@@ -56,13 +58,13 @@ def median_picture(views):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_color(colors):  # type: ignore[no-untyped-def]
-    """Median of colours (n, 3), each channel separately."""
+    """Median of each channel of colours, (n, 3)."""
     return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
 
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write weights, (n, 3), for squared differences from colours, (n, 3), whose weighted sum is 1 at similarity."""
+    """Write into `weights`, (n, 3), the weights of `_squared_distance` for each of these colours, (n, 3)."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -71,17 +73,17 @@ def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """Squared distance of a pixel from a colour, with weights (3,): 1 is the difference of similar pixels."""
+    """Weighted squared distance between a pixel and a colour; below 1 they are similar. weight: (3,)."""
     b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
     return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
 
 @njit(cache=True, nogil=True)
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
-    """At each position: evidence inside, share of similar pixels, evidence around, core colour, (6, height, width).
+    """Comparison at each position, (6, height, width).
 
-    The evidence of a pixel beside or behind the mark does not depend on the mark's position. It is computed once for
-    each pixel, then summed for each position.
+    The six values are the similarity inside the mark, the share of similar pixels, the similarity between the ring and
+    the mark's colour, and the mark's median colour (three channels).
     """
     shade, noise, _, hidden = settings
     u0, v0, u1, v1 = box
@@ -125,7 +127,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """As `likeness`, for every `step`-th position in a box, with the core colour fitted at each position."""
+    """As `likeness`, at every `step`-th position; the mark's median colour is fitted at each position."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box
@@ -167,9 +169,9 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """Fit the colour of a mark at a position: the mean of similar pixels, starting with all pixels.
+    """Fit the mark's colour at a position: the mean over all pixels, then over the similar ones.
 
-    Writes own_core (1, 3), and own_colors and weights, (n, 3).
+    It writes own_core, (1, 3), own_colors, (n, 3), and weights, (n, 3).
     """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0

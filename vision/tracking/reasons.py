@@ -19,8 +19,8 @@ from vision.tracking.settings import FinderSettings
 class LostMark:
     """A mark that was not found in a frame.
 
-    reason: why it was not found; detail: the numbers of the decision, empty without numbers
-    candidate_px: centre of the rejected pixels [px], (2,); None if there are none
+    reason: why it was not found; detail: numbers on which the decision is based, as text; may be empty
+    candidate_px: centre of the rejected pixels [px], (2,); None if no pixels were rejected
     """
 
     name: str
@@ -31,10 +31,11 @@ class LostMark:
 
 @dataclass(slots=True, eq=False)
 class Rejections:
-    """Record of the finder's rejections in one frame, if requested.
+    """What the finder rejected in one frame.
 
-    pieces: rejected pixels of a hue; detections: rejected detections with the reason
-    dropped: by name, a detected mark that was dropped, with the reason; flooded: the hue that covers the picture
+    pieces: rejected groups of connected pixels; detections: rejected detections with the reason
+    dropped: by name of the mark, the reason why a found mark was rejected later, and its detection
+    flooded: the error if a hue covers most of the picture
     """
 
     pieces: list[Rejected] = field(default_factory=list)
@@ -43,7 +44,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Record a candidate that a stage rejects for this reason; None: later stages search there again."""
+        """Record a rejected candidate; without a reason nothing is recorded, because a later stage decides."""
         if reason is None:
             return
         if name is not None:
@@ -52,7 +53,7 @@ class Rejections:
             self.detections.append((seen, reason))
 
     def begin_again(self) -> None:
-        """Clear the record, before all marks are searched again."""
+        """Clear the rejections of the earlier stages, before the whole picture is searched."""
         self.pieces.clear()
         self.detections.clear()
         self.dropped.clear()
@@ -72,15 +73,16 @@ def lost_marks(
     found: detections of the other marks, by name; unassigned: detections that belong to no expected mark
     size_px: width and height of the picture
 
-    Dropped marks have priority; then a rejected piece or a mark of another name within the gate of the mark's position;
-    then the nearest mark of its hue beyond the gate; then specks within the gate. If a mark is expected smaller than
-    `BLOCK_AREA_PX`, the reason for too few pixels is its size.
+    If several reasons apply, the first of this list is returned: a hue covers the picture; the mark was found but
+    rejected later; a large group of rejected pixels, a rejected detection or another mark lies within the gate; a
+    detection of this hue lies beyond the gate; the expected position is outside the picture; too few pixels.
+    If too few pixels are the reason, and the mark is expected smaller than `BLOCK_AREA_PX`, the reason is its size.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """The lost mark, with the reason FEW_PIXELS replaced by SMALL if the mark is expected to be small."""
+    """The lost mark; if the mark is expected to be small, SMALL replaces the reason FEW_PIXELS."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
@@ -95,7 +97,7 @@ def _causes(
     size_px: tuple[int, int],
     settings: FinderSettings,
 ) -> Iterator[LostMark]:
-    """Reasons why a mark was not found, in the order in which `lost_marks` considers them."""
+    """The reasons that apply to a mark, in the order that `lost_marks` states."""
     gate = settings.association.gate
     if rejections.flooded is not None:
         yield LostMark(one.name, Reason.FLOODED, str(rejections.flooded))
@@ -114,7 +116,7 @@ def _causes(
     for name, seen in found.items():
         if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
             yield LostMark(one.name, Reason.TAKEN, name, seen.center_px)
-    taken = [id(seen) for seen in found.values()]  # named by a later stage than the one that left them unassigned
+    taken = [id(seen) for seen in found.values()]  # a later stage may have assigned them
     of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg and id(seen) not in taken]
     if of_its_hue:
         nearest = min(of_its_hue, key=lambda seen: squared_distance(one, seen))
@@ -132,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of pixels from a mark's position: these may be any part of the mark."""
+    """Squared Mahalanobis distance of pixels from a mark's expected position; they may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
@@ -140,6 +142,6 @@ def _piece_distance(one: Expected, piece: Rejected) -> float:
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Number of pixels below which a piece has lower priority than a larger one farther away [px]."""
+    """Least number of rejected pixels that `lost_marks` calls large [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

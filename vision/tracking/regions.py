@@ -14,9 +14,9 @@ Box = tuple[int, int, int, int]
 def search_regions(
     expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings
 ) -> list[tuple[Box, list[Expected]]]:
-    """Parts of a picture of this shape to search: left, top, width, height [px], and the marks expected in each.
+    """Regions of a picture in which marks are expected: left, top, width, height [px], and the marks of each region.
 
-    The marks of a part are of one hue; parts of one hue do not overlap.
+    The marks of a region have one hue. Regions of one hue do not overlap.
     """
     pad_px = settings.detection.coverage.pad_px + 4
     height, width = shape[:2]

@@ -1,4 +1,4 @@
-"""Settings of the mark finder: association, appearance, templates, candidates, drifting colours, distractors."""
+"""Settings of the mark finder and of its parts."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from vision.detection.settings import DetectionSettings, HueLearningSettings
 
 GATE = 18.420680743952367
-"""Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, 99.99 %."""
+"""Squared Mahalanobis distance that one correct detection in 10,000 exceeds: chi-square, 2 dof, 99.99 %."""
 REACH_SDS = GATE**0.5
-"""Mahalanobis distance within which a mark is searched [1]."""
+"""Mahalanobis distance from the expected position within which a mark is searched [1]."""
 
 STAGE_NAMES = (
     "isolated",
@@ -29,9 +29,11 @@ STAGE_NAMES = (
 class AssociationSettings:
     """Settings of the association of detections with marks.
 
-    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds, and least increase of this distance if the
-        names of touching marks are exchanged [1]; source: chi-square, 2 dof, 99.99 %
-    impulse_gate: gate for one of many candidates after an impulse [1]; source: chi-square, 2 dof, 99 %
+    gate: largest squared Mahalanobis distance of a detection from its mark's expected position; the names of touching
+        marks are certain if exchanging them increases the sum of squared distances by at least this [1];
+        source: chi-square, 2 dof, 99.99 %
+    impulse_gate: `gate` after an impulse, if there are more detections than missing marks [1];
+        source: chi-square, 2 dof, 99 %
     """
 
     gate: float = GATE
@@ -42,18 +44,20 @@ class AssociationSettings:
 class AppearanceSettings:
     """Settings for the comparison of a picture, pixel by pixel, with a mark's appearance.
 
-    n_views: number of views of a mark whose median is its appearance [1]; choice
-    margin: distance from the outline within which pixels are neither mark nor background [sizes]; choice
-    ring_px: width of the ring around a mark [px]; choice
+    n_views: number of stored views of a mark; their median is its appearance [1]; choice
+    margin: distance from the outline within which pixels are ignored, relative to the mark's half axes [1]; choice
+    ring_px: width of the ring of background pixels around a mark [px]; choice
     blur_px: standard deviation of the smoothing before the comparison [px]; choice
-    shade: rms difference of similar pixels due to shadow and lamps, relative to their level [1]; choice
-    level: rms difference of similar pixels over the colours, due to noise [grey levels]; choice
-    ring_contrast: factor by which a colour of the ring must be nearer to a fitted colour to be similar [1]; choice
-    occluded_cost: cost of a pixel that is neither similar to the mark nor to its background [1]; choice
-    ring_weight: weight of the ring relative to that of the inside [1]; choice
-    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position, for a known and for a
-    fitted colour [1]; choice
-    max_reach_px: search range above which a mark is not searched by its appearance [px]; choice
+    shade: largest rms difference between similar pixels, over the colour channels, that shadows and lamps cause,
+        relative to the colour [1]; choice
+    level: largest rms difference between similar pixels, over the colour channels, that noise causes [grey levels];
+        choice
+    ring_contrast: factor on the squared distance of a ring pixel from a fitted colour [1]; choice
+    occluded_cost: loss for a pixel in the mark that is similar neither to the mark nor to its background [1]; choice
+    ring_weight: weight of the ring's similarity to the mark, which is subtracted from the score [1]; choice
+    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position, for the stored colour
+        and for a fitted colour [1]; choice
+    max_reach_px: largest search range of a search by appearance [px]; choice
     """
 
     n_views: int = 5
@@ -76,15 +80,19 @@ class AppearanceSettings:
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
+    """Settings of matches of an appearance model: which are accepted, and how accurate their centres are.
 
-    score, share: least score of a match, and least share of the mark's pixels that are similar [1]; choice
-    free, free_share: similarity below which the ring is unlike the mark, and least share in this case [1]; choice
-    other_margin: additional similarity to the mark and dissimilarity of the ring that a fitted colour needs [1]; choice
-    min_sd_px, max_sd_px: least and largest standard deviation of a match [px]; choice
-    best_score, growth: score above which this deviation is min_sd_px, and its exponential growth below that [1]; choice
-    rim_gain: standard deviation of the mean of match and rim, relative to their distance [1]; choice
-    shared: variance of the mean of outline and match, relative to the mean of independent errors [1]; choice
+    score: least score of a match [1]; choice
+    share: least share of the mark's pixels that are similar [1]; choice
+    free: similarity between ring and mark below which the ring is certainly background [1]; choice
+    free_share: `share` if the ring is certainly background [1]; choice
+    other_margin: if the colour is fitted, `score` is larger by this, and the similarity between ring and mark must be
+        at most minus this [1]; choice
+    min_sd_px, max_sd_px: least and largest standard deviation of a match's centre [px]; choice
+    best_score: score from which on the standard deviation is min_sd_px [1]; choice
+    growth: exponential growth of the standard deviation per unit of score below best_score [1]; choice
+    rim_gain: added standard deviation of the mean of match and rim, relative to their distance [1]; choice
+    shared: variance of the mean of detection and match, relative to that for independent errors [1]; choice
     """
 
     score: float = 0.55
@@ -104,13 +112,14 @@ class CandidateSettings:
 class TemplateSettings:
     """Settings of appearance models: when detections are compared with them, and when views are stored.
 
-    clear_sd_px: largest standard deviation of a centre with which a whole mark is certain [px]; choice
-    whole_sd_px: largest standard deviation of a centre with which the mark's view is stored [px]; choice
-    unknown_sd_px: largest standard deviation with which a mark is accepted without a comparison [px]; choice
-    refresh: number of frames after which a view is stored again [1]; choice
-    forget: number of frames without a clear view after which a mark may look different [1]; choice
-    near_px: largest distance at which a centre and the best match agree [px]; choice
-    plain_score: score above which the search stops [1]; choice
+    clear_sd_px: largest standard deviation of the centre of a detection that needs no comparison [px]; choice
+    whole_sd_px: largest standard deviation of the centre of a detection whose view is stored [px]; choice
+    unknown_sd_px: largest standard deviation of the centre of a detection that is accepted although its model does not
+        match, if no other position matches [px]; choice
+    refresh: number of frames after which a new view replaces the oldest one [1]; choice
+    forget: number of frames without a new view after which a model is deleted [1]; choice
+    near_px: largest distance between the centres of a detection and a match that agree [px]; choice
+    plain_score: score of a match close to a detection from which on no other position is compared [1]; choice
     """
 
     clear_sd_px: float = 0.15
@@ -126,13 +135,14 @@ class TemplateSettings:
 class HueTrackingSettings:
     """Settings for the adaptation of the colour of a kind of mark.
 
-    gain: share of the newest frame in the mean colour [1]; choice
-    max_drift: largest drift of the hue [half widths]; choice
-    hue_sd_deg, saturation_sd: least standard deviations of colours of one kind: hue [degrees], saturation [1]; choice
-    max_scatter: largest standard deviation of colours, relative to these least ones [1]; choice
-    n_learned: number of frames after which a learned colour rejects other colours [1]; choice
-    gate: largest squared distance in these standard deviations [1]; source: chi-square, 2 dof, 99.9 %
-    learning: settings of the first colour range; `paler` and `darker` also relate later limits to the mean colour
+    gain: weight of the newest frame in the running mean of the colour [1]; choice
+    max_drift: largest drift of the hue since the start, relative to the half width of its range [1]; choice
+    hue_sd_deg: least standard deviation of the hue of marks of one kind [degrees]; choice
+    saturation_sd: least standard deviation of the saturation of marks of one kind [1]; choice
+    max_scatter: largest learned standard deviation, relative to hue_sd_deg or saturation_sd [1]; choice
+    n_learned: number of frames from which a colour must be learned before it rejects other colours [1]; choice
+    gate: largest squared Mahalanobis distance of hue and saturation [1]; source: chi-square, 2 dof, 99.9 %
+    learning: settings of the first colour range; `paler` and `darker` also determine the later limits
     """
 
     gain: float = 0.05
@@ -149,14 +159,16 @@ class HueTrackingSettings:
 class DistractorSettings:
     """Settings for reports of distractors in a mark's colour.
 
-    spacing: distance of the samples [radii of the smallest mark]; choice
-    most_samples: largest number of samples in a frame [1]; choice: sampling takes 0.1 ms
-    around: distance from a mark within which samples belong to it, due to blur or its reflection [radii]; choice
-    stands: number of successive frames that must show an object [1]; source: report a fault within three frames
-    settled_frames: number of first frames, whose content counts as known [1]; choice
-    least: least new area, relative to that of a mark [1]; choice
-    grows: least ratio of the present area to that in the last report [1]; choice
-    wavers: least ratio of the new area to the known area [1]; choice
+    spacing: distance between sampled pixels, relative to the radius of the smallest mark [1]; choice
+    most_samples: largest number of sampled pixels in a frame [1]; choice: sampling takes 0.1 ms
+    around: distance from a mark's centre within which pixels may show its blur or reflection, relative to the mark's
+        radius [1]; choice
+    stands: number of successive frames that must show a new object [1]; source: a fault is to be reported within three
+        frames
+    settled_frames: number of frames at the start whose objects are not new [1]; choice
+    least: least area of new objects of one hue, relative to the area of a mark [1]; choice
+    grows: least ratio of the area of new objects to that in the last report [1]; choice
+    wavers: least ratio of the area of new objects to the area of known objects [1]; choice
     """
 
     spacing: float = 0.5
@@ -173,8 +185,8 @@ class DistractorSettings:
 class FinderSettings:
     """Settings of `MarkFinder`, with a record for each of its parts.
 
-    min_radius_px: least radius of a mark with an outline and an appearance [px]; choice
-    stages: the stages that run, in their order; source: the list in `vision.tracking.stages`
+    min_radius_px: least radius of a mark for which outline and appearance are used [px]; choice
+    stages: names of the stages that run, in their order; source: the list in `vision.tracking.stages`
     """
 
     min_radius_px: float = 3.5

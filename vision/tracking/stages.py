@@ -1,6 +1,6 @@
-"""Stages of the mark finder in one list; each has candidates, and a test that they must pass.
+"""Stages of the mark finder. Each stage proposes candidates, and has a test that a candidate must pass.
 
-A new stage is a function that yields candidates, a function that accepts or rejects one, and a `Stage` in STAGES.
+A new stage needs a function that yields candidates, a function that tests one candidate, and an entry in STAGES.
 """
 
 from __future__ import annotations
@@ -29,20 +29,21 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture in search regions above which the whole picture is searched, because this is as fast."""
+"""If the search regions cover a larger share of the picture, the whole picture is searched: this is as fast [1]."""
 
 
 @dataclass(slots=True, eq=False)
 class Search:
     """The search for the marks of one frame, passed from stage to stage.
 
-    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: see `MarkFinder.find`
-    hues: adapted colours, by nominal hue; templates: appearance models; missed: names of marks that were not found
-    in the last frame, None before the first
-    where: expected marks by name; found: detections by name
-    unassigned: detections of the last stage that belong to no expected mark
-    rejections: receives rejections with their reasons; None: not recorded
-    regions: parts of the picture, with the marks of one hue that are expected there; parts of one hue do not overlap
+    frame_bgr: (height, width, 3) uint8
+    expected, expected_after_impulse: see `MarkFinder.find`
+    hues: adapted colour range of each kind of mark, by nominal hue
+    templates: appearance models
+    missed: names of marks that were not found in the last frame; None in the first frame
+    rejections: record of rejections; None: not recorded
+    found: detections by the name of their mark; unassigned: detections that belong to no mark
+    regions: search regions, see `search_regions`; where: expected marks by name
     """
 
     frame_bgr: Image
@@ -69,11 +70,11 @@ class Search:
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
-        """Squared distance of a detection's colour from that of its kind, relative to the gate [1]."""
+        """As `AdaptiveHue.distance`, for the detection's kind of mark."""
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
-        """Whether no other mark was found at the place of this detection."""
+        """Whether no found mark is within `CoverageSettings.pad_px` of this detection."""
         near = self.settings.detection.coverage.pad_px
         return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
 
@@ -82,8 +83,10 @@ class Search:
 class Candidate:
     """A detection that may be a mark.
 
-    detection: None to drop a mark that was found; name: None if association decides which mark it is
-    match: match of an appearance model; margin: increase of squared distance if it exchanges names with another
+    detection: the detection; None: the mark `name`, which was found before, is rejected
+    name: name of the mark; None: association decides which mark it is
+    match: the match of an appearance model from which the detection follows, if any
+    margin: increase of the sum of squared Mahalanobis distances if the mark exchanges names with a touching mark
     """
 
     detection: Detection | None
@@ -94,9 +97,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One stage of the finder: its candidates and its acceptance test; a named candidate replaces an earlier detection.
+    """One stage of the finder.
 
-    reason: why a rejected mark is lost; None if another stage decides that
+    propose: yields candidates; accept: whether a candidate passes the test of the stage
+    reason: reason that is recorded for a rejected candidate; None: a later stage decides
     """
 
     name: str
@@ -105,7 +109,7 @@ class Stage:
     reason: Reason | None = None
 
     def run(self, search: Search) -> None:
-        """Add the accepted candidates to `search.found`; drop marks whose candidate is rejected."""
+        """Add accepted candidates to `search.found`; a rejected candidate with a name removes its mark from there."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
@@ -126,7 +130,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks that are alone near their expected position; only if no mark was missed in the last frame."""
+    """Marks that are alone in their search region. If a mark was missed in the last frame, there are no candidates."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -142,7 +146,7 @@ def _isolated(search: Search) -> Iterator[Candidate]:
 
 
 def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind and is within the gate of the expected position."""
+    """Whether a detection has the colour of its kind of mark, and is within the gate of the expected position."""
     near = candidate.name is not None and (
         squared_distance(search.where[candidate.name], seen) <= search.settings.association.gate
     )
@@ -150,7 +154,7 @@ def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_regions(search: Search) -> Iterator[Candidate]:
-    """Components in the regions around expected marks that have not been found yet."""
+    """Detections in the search regions of marks that have not been found yet."""
     if len(search.found) == len(search.expected):
         return
     for box, own in search.regions:
@@ -160,9 +164,9 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
-    """Components of the whole picture if marks are missing: all are assigned again.
+    """If a mark is missing, detections in the whole picture; all marks are then assigned again.
 
-    Raises HueError if a hue covers most of the picture and no mark was ever found, since its range is then wrong.
+    Raises HueError if a hue covers most of the first picture.
     """
     if len(search.found) == len(search.expected):
         return
@@ -173,7 +177,7 @@ def _in_picture(search: Search) -> Iterator[Candidate]:
     try:
         yield from _components(search, search.expected, None)
     except HueError as error:
-        # once marks were found, an object in front of the camera is the cause
+        # after the first frame, an object in front of the camera is the cause
         if search.missed is None:
             raise
         if search.rejections is not None:
@@ -198,19 +202,19 @@ def _components(search: Search, own: Sequence[Expected], region: Box | None) -> 
 
 
 def _has_color(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind."""
+    """Whether a detection has the colour of its kind of mark."""
     return search.color_distance(seen) <= 1.0
 
 
 def _after_impulse(search: Search) -> Iterator[Candidate]:
-    """Missing marks within the region to which an impulse since the last frame may have moved them."""
+    """Unassigned detections that may be missing marks, if an impulse has moved these marks."""
     missing, elsewhere = [one.name for one in search.missing], search.expected_after_impulse
     if elsewhere is None or not missing or not search.unassigned:
         return
     gates = search.settings.association
     gate = gates.gate
     if len(search.unassigned) > len(missing):
-        # if there are several candidates, only a near one, and only in the second frame
+        # With more detections than missing marks, the gate is smaller, and only marks missed twice in a row are tried.
         gate = gates.impulse_gate
         missing = [name for name in missing if search.missed is not None and name in search.missed]
     for one in associate_marks(search.unassigned, [elsewhere(name) for name in missing], gate=gate):
@@ -218,7 +222,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 
 
 def _checked(search: Search) -> Iterator[Candidate]:
-    """Found marks that are not clear, after a comparison with their appearance; views of clear marks are stored."""
+    """Uncertain found marks after comparison with their appearance models; new views are stored in the models."""
     frame, templates = search.frame_bgr, search.templates
     where = search.where
     unclear = []
@@ -230,18 +234,18 @@ def _checked(search: Search) -> Iterator[Candidate]:
     for one, seen in unclear:
         better = templates.checked(frame, one, seen, search.color_distance)
         if better is not None and better.occluded == seen.occluded:
-            # with the centre from the outline alone: with a fused match the model would learn its own errors
+            # The view is stored with the centre before the comparison: otherwise the model would learn its own errors.
             templates.remember(frame, seen, one)
         yield Candidate(better, one.name)
 
 
 def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> bool:
-    """Always True: the comparison yields no candidate if neither detection nor match is similar to the mark."""
+    """True, because `_checked` has already tested the similarity."""
     return True
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
-    """Candidates for missing marks, at positions where the picture matches a mark's appearance."""
+    """Missing marks at positions where the picture matches their appearance models."""
     for one in search.missing:
         match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
         if match is not None:
@@ -249,7 +253,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match lies apart from all found marks, and is similar enough to its own mark."""
+    """Whether a match is similar enough to its mark, and apart from found marks (`Search.is_apart`)."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -257,7 +261,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Missing marks at positions where the picture matches a mark of their hue in any light."""
+    """Missing marks at positions where the picture matches a model of any mark of their hue, with a fitted colour."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -267,24 +271,24 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection lies apart from all found marks."""
+    """As `Search.is_apart`."""
     return search.is_apart(seen)
 
 
 def _by_rim(search: Search) -> Iterator[Candidate]:
-    """Missing marks of unknown appearance that show a rim near their expected positions."""
+    """Detections by the rim, near the expected positions of missing marks without an appearance model."""
     for one in search.missing:
         if one.name not in search.templates:
             yield Candidate(detect_by_rim(search.frame_bgr, one, search.settings.detection))
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind and lies apart from all found marks."""
+    """Whether a detection has the colour of its kind of mark, and is apart from found marks (`Search.is_apart`)."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 
 def _touching(search: Search) -> list[Candidate]:
-    """Found marks that touch another mark of their hue, with the cost of exchanging their names."""
+    """Found marks that are expected to touch another mark of their hue."""
     where = search.where
     placed = [
         (name, seen, one.hue_deg, (one.outline.area_px / np.pi) ** 0.5, *one.center_px.tolist())
@@ -306,7 +310,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the names of touching marks are certain: a missing mark is better than exchanged names."""
+    """Whether the name of a mark that touches another is certain; a missing mark is better than a wrong name."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -325,7 +329,7 @@ STAGES = (
 
 
 def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
-    """The stages of these names, in this order; raises ValueError for an unknown name."""
+    """The stages with these names, in the order of the names; raises ValueError for an unknown name."""
     known = {stage.name: stage for stage in STAGES}
     for name in names:
         if name not in known:
@@ -334,7 +338,7 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of these marks, if all are large enough; least and largest area of a component [px]."""
+    """Outlines of marks, empty if a mark is too small to use them; least and largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None

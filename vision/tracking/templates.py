@@ -1,4 +1,4 @@
-"""Appearance models of a scene's marks, by name, which are learned from clear views and compared with detections."""
+"""Appearance models of a scene's marks, by name: learned from complete views, and compared with detections."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vision.tracking.settings import FINDER, FinderSettings
 class AppearanceTemplates:
     """Appearance models, by name, of marks with a uniform colour and a known outline.
 
-    State: a model for each mark with a clear view in the last `TemplateSettings.forget` frames.
+    State: a model for each mark of which a view was stored in the last `TemplateSettings.forget` frames.
     """
 
     def __init__(self, settings: FinderSettings = FINDER) -> None:
@@ -41,11 +41,11 @@ class AppearanceTemplates:
         return outline is not None and outline.even and outline.area_px >= np.pi * self._settings.min_radius_px**2
 
     def is_clear(self, seen: Detection) -> bool:
-        """Whether a detection is certainly a whole mark."""
+        """Whether a detection is certainly a completely visible mark."""
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Add a view of a completely visible mark, if its model is due for a new view."""
+        """Store a view of a mark, if the mark is completely visible and its model needs a new view."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count a frame, and drop models of marks that had no clear view for long."""
+        """Note the end of a frame; delete each model without a new view for `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -68,10 +68,12 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """A detection compared with the mark's appearance: unchanged, fused with or replaced by a match, or None.
+        """Compare a detection with the mark's appearance model.
 
-        frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's,
-            relative to the gate [1]
+        Returns the detection if the model confirms it; the mean of detection and best match if they agree; the best
+        match if it is more similar to the mark; None if neither the detection nor a match is similar to the mark.
+        frame_bgr: (height, width, 3) uint8
+        color_distance: as `AdaptiveHue.distance`
         """
         quick = self._checked_near(frame_bgr, one, seen)
         if quick is not None:
@@ -100,7 +102,7 @@ class AppearanceTemplates:
     def mark_in_other_light(
         self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """The detection from a match with a fitted colour; None if the match is not the mark.
+        """The detection from a match of `match_in_other_light`; None if the match is not similar enough to a mark.
 
         frame_bgr: (height, width, 3) uint8; color_distance: as in `checked`
         """
@@ -112,18 +114,18 @@ class AppearanceTemplates:
     def match(
         self, frame_bgr: Image, one: Expected, about_px: Floats | None = None, within_px: float | None = None
     ) -> AppearanceMatch | None:
-        """The best match of a mark's own appearance; None if it has no model."""
+        """The best match of a mark's appearance model, as `AppearanceModel.place` finds it; None without a model."""
         model = self._known.get(one.name)
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
     def match_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
-        """The best match of any mark of this hue with a fitted colour."""
+        """The best match of the models of all marks of this hue; the mark's colour is fitted at each position."""
         models = [model for model in self._known.values() if model.hue_deg == one.hue_deg]
         matches = [model.place(frame_bgr, one, another=True) for model in models]
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """A detection that its surroundings confirm: the usual case in noise."""
+        """The detection, confirmed without a search of the surroundings; None if this is not possible."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
@@ -133,7 +135,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """Score of the mark's appearance at a detection, regardless of the mark's expected position."""
+        """Score of the mark's appearance model at a detection, whatever the mark's expected position."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score
