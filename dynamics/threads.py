@@ -1,7 +1,7 @@
 """One thread for linear algebra during a filter or mesh reduction: with small matrices, more threads only wait.
 
-A program can set OPENBLAS_NUM_THREADS before it loads NumPy; a user of the library has loaded NumPy and SciPy already.
-Their wheels include OpenBLAS, whose threads are set here; other libraries are up to the user.
+OPENBLAS_NUM_THREADS has no effect after NumPy is loaded, so the number of threads is set in the loaded libraries: in
+each OpenBLAS that the wheels of NumPy and SciPy include. Other libraries are not changed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include.
 
-    The calls keep the interpreter's lock, because releasing it in each frame would mean waiting for other threads.
+    The calls keep the interpreter's lock: after a release in each frame, they would wait for other Python threads.
     """
     found = []
     for package in (numpy, scipy):

@@ -1,4 +1,4 @@
-"""Assembly of all kinds of elements over a mesh's free coordinates; one kernel serves all elements of a network."""
+"""Assembly of the forces of all kinds of elements over the free coordinates of a mesh."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Assembly:
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement
-        Constants of springs, weights and resistances are read at construction, those of other kinds at each call.
+        Constants of springs, weights and resistances are read only once, at construction.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Entries between free coordinates in the blocks of one kind of element, with their rows and columns."""
+        """For one kind of element: entries of its blocks between free coordinates, and their rows and columns."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)
@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """Constants of all compiled kinds of elements; shape: the positions' shape, (n_nodes, dim)."""
+    """Constants of all elements whose kinds are `COMPILED`; shape: (n_nodes, dim)."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

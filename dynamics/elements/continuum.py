@@ -2,7 +2,8 @@
 
 A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
 forces are therefore smooth fields over the free surface. The modes span the body's responses to these forces and to
-changes of gravity's direction, and affine motions. Source of the projection on responses: [benner2015].
+changes of gravity's direction; the modes of a free body also span its affine motions. Source of the projection on
+responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ from dynamics.network.continuum import FREE
 from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
-"""Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
-tetrahedra bend well enough, and the Cholesky factors are smaller."""
+"""Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it linear
+tetrahedra bend well enough without patches, and the Cholesky factors are smaller."""
 
 SMOOTH = 0.2
 """Correlation length of surface forces, relative to the body's extent [1]; choice."""
@@ -56,11 +57,11 @@ LEFT_OUT = 3e-3
 [1]; numerical. `POKE_M_S2` and `BENT` define the surface forces."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces for the choice of modes [m/s²], and least displacement of the points under them, relative to the
-body's extent [1]; stiff bodies get larger forces. Choice: the same as for the filter's pokes."""
+"""Surface forces for the choice of modes [m/s²], and least displacement of the points by these forces, relative to the
+body's extent [1]; for a stiff body, the forces are increased until it is reached. Choice: as for the filter's pokes."""
 
 DEPENDENT = 1e-5
-"""Relative size below which a direction of the modes counts as dependent on the others [1]; numerical."""
+"""Relative singular value below which a direction counts as linearly dependent on the other modes [1]; numerical."""
 
 NEAR = 0.02
 """Largest distance from the surface at which an outside point is attached to it, relative to the extent [1]; choice:
@@ -70,7 +71,7 @@ PATCH = 0.05
 """Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""A point counts as fixed if its weights for free nodes sum to less [1]; numerical: positions are rounded."""
+"""A point counts as fixed if its weights for free nodes sum to less than this [1]; numerical: positions are rounded."""
 
 CHUNK = 2**16
 """Number of strains that are computed at once; numerical: it limits the memory."""
@@ -87,7 +88,7 @@ class Points(NamedTuple):
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points inside a mesh; points just outside are attached to the surface. Raises MeshError for points far off."""
+    """Points of a mesh at these places [m], (k, 3), or at the surface if just outside; MeshError if far outside."""
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -104,14 +105,15 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
 
 
 def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
-    """The patch of each element, (m,) int, over which its dilatation is averaged, for Poisson's ratios (m,)."""
+    """Index of the patch over which each element's dilatation is averaged, (m,); poisson: Poisson's ratios, (m,)."""
     return patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
 
 
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
-    """Node weights, (k, n_nodes), of the patch around each point, over which a force on the point is distributed.
+    """Weights that distribute a force on each point over the nodes of a patch around it, (k, n_nodes).
 
-    The patch of a surface point consists of near surface nodes, weighted by area; else of all near nodes, by volume.
+    For a point on the surface, the patch has the surface nodes nearby, weighted by their areas. For a point inside, it
+    has all nodes nearby, weighted by their volumes.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas
@@ -133,23 +135,23 @@ def continuum_network(
     driven: bool = False,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """A network whose nodes are named points of a mesh; the mesh is reduced to modes.
+    """Reduce a mesh to modes, and make a network whose free nodes are named points of the mesh.
 
     Parameters
     ----------
     mesh : TetMesh
-        The body; it rests as drawn under any gravity.
+        The body; its drawn shape is its rest shape under any gravity.
     tissues : sequence of Tissue
         Tissues in the order of the region numbers.
     fixed : (n_fixed,) int
         Fixed nodes of the mesh; empty for a free body.
     points : mapping of str to (3,)
-        Positions [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further
-        nodes, `wall 1` and so on, show where the body is fixed.
+        Positions of marks on the surface and of targets inside, by name [m]. They become the free nodes of the network.
+        Its other nodes, `wall 1` and so on, show where the body is fixed.
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        Threshold in place of `LEFT_OUT`; 0 keeps all responses to smooth surface forces, but not all the mesh's modes.
+        Threshold in place of `LEFT_OUT`; with 0, the modes span all responses to the smooth surface forces.
 
     Returns
     -------
@@ -158,7 +160,7 @@ def continuum_network(
     Raises
     ------
     MeshError
-        For a region without a tissue, no free node, a point outside, and a driven wall without nodes.
+        A region has no tissue, no node is free, a point is outside, or a driven wall has no nodes.
     """
     if mesh.regions.min() < 0 or mesh.regions.max() >= len(tissues):
         found = f"{mesh.regions.min()} to {mesh.regions.max()}"
@@ -269,9 +271,10 @@ def matern(distances: Floats, length: float) -> Floats:
 
 
 def _smooth(places: Floats, length: float, count: int) -> Floats:
-    """Functions (n, count) at places (n, 3) whose sum with independent standard normal factors is a smooth field.
+    """Functions at places (n, 3), as columns (n, count), by Nystroem's method.
 
-    The field has Matern's 3/2 correlation and variance 1; Nystroem's method computes the functions from some places.
+    The sum of the functions, each multiplied by an independent standard normal factor, is a random field with Matern's
+    3/2 correlation and variance 1.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
@@ -289,8 +292,8 @@ def _modes(
 ) -> tuple[Floats, Floats]:
     """Modes (3 n, r), and the squares of their angular frequencies [1/s²].
 
-    They span the responses that move the points and, for a free body, its affine motions.
-    at_points: the responses at the points, (3 k, n_responses)
+    The modes span the responses that move the points and, for a free body, its affine motions.
+    at_points: displacement of the points in each response, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
     _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
@@ -308,7 +311,7 @@ def _modes(
 
 
 def _by_tissue(strained: Strains, regions: NDArray[np.int64], modes: Floats, n_tissues: int) -> Floats:
-    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r), from the strain of every element."""
+    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r)."""
     found = np.zeros((n_tissues, modes.shape[1], modes.shape[1]))
     for some in np.array_split(np.arange(len(strained.weights)), 1 + len(strained.weights) // CHUNK):
         strain, tissue = strained.matrix[some] @ modes, regions[strained.elements[some]]

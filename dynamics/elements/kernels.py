@@ -6,10 +6,10 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
     corotated     mu |F - R|²                            theta = R : F - 3, R the rotation of F
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
-plus, for each patch, lambda / 2 times the squared mean of theta over its volume; the mean prevents locking of nearly
-incompressible elements. Dashpots, of moduli mu' and lambda', add the stress A (2 mu' sym(A^T dF/dt)), with A = F or, in
-the linear law, I, and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation,
-[bonet2008] neo-Hookean, [souzaneto2005] patches. `dynamics.elements.tetrahedra` checks the input.
+plus, for each patch, lambda / 2 times the squared mean of theta over its volume. The mean prevents locking of nearly
+incompressible elements. Dashpots with moduli mu' and lambda' add two stresses: A (2 mu' sym(A^T dF/dt)), with A = I in
+the linear law and A = F in the others; and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated,
+[lin2022] its rotation, [bonet2008] neo-Hookean, [souzaneto2005] patches. `dynamics.elements.tetrahedra` checks input.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ NEWTON = 30
 class PackedTetrahedra(NamedTuple):
     """Elements in the order of the kernels, patch by patch.
 
-    starts: first element of each patch, then the number of elements, (n_patches + 1,)
-    corners: indices in the patch, (m, 4); volumes: at rest [m³], (m,); gradients: of corners' weights [1/m], (m, 4, 3)
+    starts: index of the first element of each patch, then the number of elements, (n_patches + 1,)
+    corners: index of each corner among its patch's nodes, (m, 4); volumes: volumes at rest [m³], (m,)
+    gradients: gradients of the corners' barycentric weights [1/m], (m, 4, 3)
     """
 
     starts: np.ndarray
@@ -47,9 +48,9 @@ class PackedTetrahedra(NamedTuple):
 class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
-    F, rate: deformation gradient and its rate; A: as above; T: derivative of theta; P: stress per mu; M: scratch
-    cofactors: those of F; inverse: (tr V I - V)^-1 of the stretch V = F R'; all (3, 3)
-    h: gradients of the corners' weights, rotated by R or, for the neo-Hookean law, by F^-T, (4, 3)
+    F, rate: deformation gradient and its rate; A: as in this module's text; P: stress divided by mu; T: derivative of
+    theta by F; M: scratch; cofactors: those of F; inverse: (tr V I - V)^-1 for the stretch V = F R'; (3, 3) each
+    h: gradients of the corners' weights, multiplied by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
 
     F: Floats
@@ -98,9 +99,10 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
-    """Write the rotation of F, the derivative of the sum s of its principal stretches, into R; M: scratch.
+    """Write the rotation of F into R; M: scratch.
 
-    s is the largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|², found from above by Newton's method.
+    It is the derivative of s, the sum of the principal stretches. Newton's method finds s from above as the largest
+    root of (s² - |F|²)² - 8 det F s - 4 |cof F|².
     """
     square, of_cofactors = _double_dot(F, F), _double_dot(cofactors, cofactors)
     s = np.sqrt(3.0 * square)
@@ -121,9 +123,9 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
-    """Energy per mu [1] and theta [1] of element e; writes its scratch arrays except `h` and `inverse`.
+    """Energy density divided by mu, and theta, of element e; writes all scratch arrays but `h` and `inverse`.
 
-    x, v: positions and velocities of the corners of its patch, (n_corners, 3)
+    x, v: positions and velocities of the nodes of the element's patch, (n_corners, 3)
     """
     F, T = s.F, s.T
     for i in range(3):
@@ -187,7 +189,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write into out the rotation of R g_a as corner b moves: [h_a]' (tr V I - V)^-1 [h_b], [h] the cross product."""
+    """Write the change of R g_a as corner b moves into out: [h_a]' (tr V I - V)^-1 [h_b], with [h] y = h × y."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k
@@ -201,9 +203,10 @@ def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-untyped-def]
-    """Write the energy of each patch [J], (n_patches,), add the force on its corners [N], (n_patches, n_corners, 3).
+    """Write the energy of each patch [J], (n_patches,); add the forces on its nodes [N], (n_patches, n_corners, 3).
 
-    x, v: positions, velocities of corners, shaped as force; moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
+    x, v: positions and velocities of the nodes, shaped as force
+    moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
     """
     s = _scratch()
     for q in range(len(x)):
@@ -243,7 +246,7 @@ def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_tangents(x, v, law, p, moduli, K, C):  # type: ignore[no-untyped-def]
-    """Add minus the derivatives of the forces by x to K, by v to C, (n_patches, n_corners, 3, n_corners, 3) each."""
+    """Add stiffness to K and damping to C, (n_patches, n_corners, 3, n_corners, 3) each."""
     s, n = _scratch(), x.shape[1]
     turned, left, mixed = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     B, fast = np.zeros((4, 3)), np.zeros((4, 3))

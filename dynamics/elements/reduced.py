@@ -1,8 +1,8 @@
 """Reduced bodies: a few shapes in which they move, and their forces in these shapes.
 
-A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector, so a shape
-may act in every direction, however the body turns. The constant 1 and the rest coordinates are shapes, so affine
-motions are exact. Source of the projection on responses: [benner2015].
+A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector. Each shape
+can therefore move the body in any direction, also after rotations. The constant 1 and the rest coordinates are shapes,
+so affine motions are exact. Source of the projection on responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Span:
     matrix : (n_full, n)
         Map from the reduced coordinates to those of the nodes.
     onto : (n, n_full)
-        Left inverse of `matrix`: the projection that weights the coordinates by mass.
+        Left inverse of `matrix`: the projection that is orthogonal with respect to the masses.
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
-        Standard deviation of each reduced acceleration for independent accelerations of all nodes with variance 1.
+        Standard deviation of each reduced acceleration, if all accelerations of nodes are independent with variance 1.
     """
 
     matrix: Floats
@@ -40,12 +40,12 @@ class Span:
     white: Floats
 
     def coordinates(self, places: Floats) -> Floats:
-        """Reduced coordinates (n,) that best fit coordinates of all nodes [m], (n_full,)."""
+        """Reduced coordinates, (n,), that best fit given coordinates of all nodes [m], (n_full,)."""
         return np.asarray(self.onto @ places)
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the reduced coordinates (n, n) for independent coordinates of all nodes with variance 1."""
+        """Covariance of the reduced coordinates, (n, n), if those of all nodes are independent with variance 1."""
         return np.asarray(self.onto @ self.onto.T)
 
     @classmethod
@@ -56,10 +56,10 @@ class Span:
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Map from shapes (n_nodes, r), each multiplied by a vector; masses (n_nodes,) [kg].
+        """Map whose reduced coordinates are vectors, one for each shape; shapes: (n_nodes, r), masses: (n_nodes,) [kg].
 
-        A reduced coordinate [m] is the root mean square displacement, weighted by mass. The shapes are rotated so that
-        independent accelerations of the nodes remain independent.
+        Shapes are scaled so that a coordinate is the root mean square displacement weighted by mass [m]. They are
+        rotated so that independent accelerations of the nodes give independent reduced accelerations.
         """
         total = masses.sum()
         own = shapes / np.sqrt(np.einsum("ik,i,ik->k", shapes, masses, shapes))
@@ -75,7 +75,7 @@ class Span:
 
 
 class ReducedAssembly:
-    """Forces and dense tangents of an assembly in reduced coordinates; `Assembly` has those in all coordinates."""
+    """Forces and dense tangents of an `Assembly` in reduced coordinates."""
 
     def __init__(self, whole: Assembly, span: Span) -> None:
         self._whole, self._matrix = whole, span.matrix
@@ -95,7 +95,7 @@ class ReducedAssembly:
 def smooth_shapes(
     assembly: Assembly, places: Floats, masses: Floats, forces: Floats, rates: Sequence[float], least_m: float
 ) -> Floats:
-    """Shapes (n_nodes, r) of a body's responses to forces, besides its affine motions.
+    """Shapes of a body's affine motions, and of its responses to forces, (n_nodes, r).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Linear tetrahedra of a mesh; patches average the dilatation of nearly incompressible ones."""
+"""Linear tetrahedra of a mesh; in nearly incompressible tissue, patches of tetrahedra have one mean dilatation."""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Largest distance of a node at rest from its drawn position, relative to the longest spring, at which a network counts
-as resting as drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding causes 1e-14 in phantoms of 4 to 60 masses."""
+"""Largest distance between the rest position and the drawn position of a node, relative to the longest spring, at which
+a network rests as drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
 
 
 def build_network(
@@ -37,7 +37,7 @@ def build_network(
 
     names: unique names of the n_nodes nodes
     positions: positions of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
-    edges: the two ends of each spring, by name or by index among the names; n_springs of them, each pair once
+    edges: the two ends of each of n_springs springs, by name or by index among the names; no pair twice
     stiffness, damping: stiffness of the springs [N/m]; damping of the dashpots along them [N s/m]
     masses, drag, friction: masses of the nodes [kg], their viscous drag [N s/m], their Coulomb friction [N]
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
@@ -45,10 +45,9 @@ def build_network(
     rest_lengths: "at rest": the drawn lengths, with the smallest relative changes that let the network rest as
         drawn under gravity; "as drawn": the drawn lengths, so that it sags under gravity; or numbers [m]
 
-    Values of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
+    Constants of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
 
-    Raises NetworkError, which names the edge, node or argument, what was expected and what was found; also if no
-    rest lengths near the drawn ones let the network rest as drawn.
+    Raises NetworkError for invalid arguments, and if no rest lengths near the drawn ones let the network rest as drawn.
     """
     known = _places(names)
     x = _numbers("positions", positions)

@@ -12,8 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts count as rounding errors: errors of a double root are as large as
-the square root of the usual errors."""
+"""Relative size below which rates and imaginary parts count as rounding errors; for a double root, these are as large
+as the square root of the usual rounding error."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,8 +21,8 @@ class Oscillations:
     """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
 
     frequencies_hz: undamped natural frequencies abs(z) / 2 pi of the oscillating motions, ascending [Hz], (n,)
-    damping_ratios: damping ratios of these motions, -Re z / abs(z) [1], (n,)
-    decays_s: times in which motions that do not oscillate decay to 1/e, longest first [s], (m,)
+    damping_ratios: damping ratios -Re z / abs(z) of the oscillating motions [1], (n,)
+    decays_s: time constants of the motions that do not oscillate, longest first [s], (m,)
     """
 
     frequencies_hz: Floats
@@ -33,9 +33,8 @@ class Oscillations:
 def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
     """Compute the natural oscillations about a rest shape, positions of all nodes [m], (n_nodes, dim).
 
-    Dry friction is ignored: it stops small motions; it does not damp them in proportion to speed. Motions without
-    resistance, such as those of a whole network without anchors, are omitted. Source: [tisseur2001], by the first
-    companion form, which is the matrix of the state.
+    Dry friction is ignored, because it is not proportional to speed. Motions without resistance, such as those of a
+    whole network without anchors, are omitted. Source: [tisseur2001], first companion form.
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
     rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]

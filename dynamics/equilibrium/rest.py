@@ -17,17 +17,17 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_po
 from dynamics.network.material import path_lengths
 
 RESIDUAL = 1e-9
-"""Largest remaining force on a node at rest, relative to weights and spring tensions."""
+"""Largest remaining force on a node at rest, relative to the largest product of stiffness and rest length."""
 
 
 RIGID = 1e-9
 """Relative stiffness that counts as a rounding error, such as the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
-"""Largest relative change of a rest length: beyond it springs leave the range of the stability limit."""
+"""Largest relative change of a rest length: beyond it, a spring is stretched more than `stable_step` assumes."""
 
 RANK_TOLERANCE = 1e-12
-"""Relative size below which a singular value is rounding: forces do not depend on its combination of rest lengths."""
+"""Relative size below which a singular value is a rounding error; the forces do not depend on its rest lengths."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
@@ -35,7 +35,7 @@ CONVERGED = 1e-11
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; without gravity if it has no anchors, because an unknown support then bears the nodes' weight."""
+    """The network; if it has no anchors, without gravity, because an unknown support then balances the weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
@@ -43,9 +43,8 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at rest [m], (n_nodes, dim): the energy minimum downhill from the drawn shape.
 
     force: a constant force on the free nodes [N], (n_free, dim), default none
-    A network without anchors is `supported`; its position and orientation at rest are those of the drawing.
-    A mass-spring network has several rest shapes; the drawn shape selects one. Raises NetworkError if
-    no stable minimum of the energy is found there.
+    If the network has no anchors, gravity is omitted (`supported`), and the rest shape is aligned with the drawn shape.
+    Raises NetworkError if no stable minimum of the energy is found near the drawn shape.
     """
     network = supported(network)
     if network.continuum is not None:
@@ -87,14 +86,14 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
 
 def _deflection(stiffness: Floats, forces: Floats) -> Floats:
-    """Displacement [m] under forces [N], (n_free, dim); the smallest one if the body may move freely."""
+    """Displacement [m] by forces [N], (n_free, dim) each; for a free body, the smallest possible displacement."""
     if not forces.any():
         return np.zeros_like(forces)
     return np.asarray(np.linalg.lstsq(stiffness, forces.ravel(), rcond=RIGID)[0]).reshape(forces.shape)
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether nothing resists a rotation about the vertical: in space, if all anchors are on one line along gravity."""
+    """Whether a body in space can rotate freely about the vertical: all anchors lie on one line along gravity."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False
@@ -104,7 +103,7 @@ def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:
-    """A shape (n_nodes, dim) moved as a rigid body to best fit the drawn shape. Source: [kabsch1976]."""
+    """A shape, (n_nodes, dim), after the rigid motion that best fits it to the drawn shape. Source: [kabsch1976]."""
     middle = shape.mean(axis=0)
     left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -145,14 +144,14 @@ def fit_rest_lengths(
 ) -> MassSpringNetwork:
     """Correct the rest lengths so that the network rests where its nodes were measured; returns the new network.
 
-    positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: their noise for each coordinate [m]; known:
-    prior relative standard deviation of the rest lengths.
+    positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: standard deviation of each coordinate [m]
+    known: prior relative standard deviation of the rest lengths [1]
 
-    Gauss-Newton on the forces f at the shape x. For relative changes c of the rest lengths and G = df/dc, the next c is
-    the smallest solution of G (c - c_now) + f = 0. With noise it is the most probable c: the error of f is then the
-    stiffness times the noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
-    is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a rest
-    length would have to change by half or more, if passes do not converge, or without a stable rest shape near x.
+    Gauss-Newton on the forces f in the measured shape. With c the relative changes of the rest lengths and G = df/dc,
+    the next c is the smallest solution of G (c - c_now) + f = 0. If sd_m is above 0, the next c is the most probable
+    one; the error of f is then the stiffness times the position error. Combinations of rest lengths that do not affect
+    the forces stay unchanged. Raises NetworkError if a rest length has to change by half or more, if the iteration does
+    not converge, or if there is no stable rest shape near the measured shape.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

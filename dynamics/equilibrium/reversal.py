@@ -13,10 +13,10 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether any state of a set has a spring that is reversed relative to the set's first state, (n_sets,).
+    """For each set of states, whether a spring in any state is reversed relative to the set's first state, (n_sets,).
 
-    states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states a
-    spring's length passes through zero or its direction through a right angle: no linearisation is valid there.
+    A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
+    states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]
     """
     return _reversed(np.ascontiguousarray(states), network.positions, _first_coordinates(network), network.springs)
 

@@ -31,8 +31,8 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0; integrators and filters
-need a derivative. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
+"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0, but integrators need its
+derivative. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -62,7 +62,7 @@ LAWS: Mapping[str, tuple[str, ...]] = {
     "drag": ("drag",),
     "friction": ("friction",),
 }
-"""Kinds of constants of each force law: first laws of springs, then of nodes."""
+"""Force laws, each with the kinds of its constants: first the laws of springs, then those of nodes."""
 
 KINDS = tuple(kind for kinds in LAWS.values() for kind in kinds)
 """All kinds of constants, in the order of the fields of `SpringConstants`, then of `NodeConstants`."""
@@ -141,7 +141,7 @@ def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConsta
 
 @register_jitable
 def contact_force(dent: Numbers, stiffness: float) -> Numbers:
-    """Force of the tip on the dented skin [N]; dent: depth [m], below 0 before contact."""
+    """Force of the tip on the skin before the puncture [N]; dent: depth of the dent [m], below 0 before contact."""
     return stiffness * np.maximum(0.0, dent)
 
 
@@ -154,7 +154,7 @@ def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
 class Packed(NamedTuple):
     """Arrays of a network in the kernels' form.
 
-    springs: their nodes, (n_springs, 2); weight: weight of each node [N], (n_nodes, dim), zero for anchors
+    springs: the two nodes of each spring, (n_springs, 2); weight: weight of each node [N], (n_nodes, dim), anchors 0
     spring_constants: (n_springs, n_constants), columns as in `SpringConstants`
     node_constants: (n_nodes, n_constants), columns as in `NodeConstants`
     """
@@ -244,8 +244,9 @@ def state_rate(  # type: ignore[no-untyped-def]
 ):
     """Time derivative of a state, (n_state,), under forces on the free nodes [N], (n_free, dim).
 
-    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors
-    inverse_mass: (n_free,). The fields of `Packed` are separate, because passing a tuple takes longer than all forces.
+    x: positions of all nodes, (n_nodes, dim, 1), of which those of free nodes are overwritten
+    v, force: scratch arrays of the same shape, with v zero at anchors; inverse_mass: (n_free,)
+    The fields of `Packed` are separate arguments, because passing a tuple takes longer than computing all forces.
     """
     n_free, dim = outside.shape
     half = n_free * dim
@@ -315,7 +316,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add entry (a, b) of the block between two nodes; i, j: their indices, -1 for an anchor."""
+    """Add entry (a, b) of a spring's matrix to a large one; i, j: first coordinates of its nodes, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -330,8 +331,8 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among the free ones, -1 for an anchor
-    definite: whether to drop the transverse stiffness T / l of a spring shorter than at rest: both matrices are then
-    semidefinite, so that an implicit step damps buckling instead of letting it grow
+    definite: whether to replace negative constants, such as the transverse stiffness T / l of a compressed spring, with
+    0; both matrices are then semidefinite, so that an implicit step damps buckling instead of letting it grow
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0
@@ -377,7 +378,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Unlike the matrices of `tangents`, these are exact: they include that dashpots rotate and that friction decreases.
+    Unlike the matrices of `tangents`, these are exact: they include rotations of dashpots and the slope of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -431,14 +432,14 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of a step that its first stage, the trapezoidal rule, takes: both stages then share a matrix [bank1985]."""
+"""Share of the step in its first stage, the trapezoidal rule; with it, both stages have the same matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Newton iterations of a stage, and the largest number if they do not contract; numerical: with two, a link of 2e7 N/m
-swings as it does with four."""
+"""Number of Newton iterations in a stage, and their largest number if they do not contract; numerical: with two, a link
+of 2e7 N/m oscillates as with four."""
 
 CONTRACTED = 0.5
-"""Ratio of speed changes in successive iterations above which tangents are recomputed at the present state."""
+"""Ratio of the speed changes in two successive iterations, above which tangents are recomputed at the present state."""
 
 STILL = 1e-12
 """Relative change of position below which a stage's iteration ends, because further changes are rounding errors."""
@@ -446,7 +447,7 @@ STILL = 1e-12
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) with (L L')^-1 right, L (n, n) lower triangular, row by row, as it is stored."""
+    """Overwrite `right`, (n,), with (L L')^-1 right; L: lower triangular matrix, (n, n)."""
     n = len(right)
     for i in range(n):
         entry = 0.0
@@ -472,10 +473,10 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
-    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
+    """Solve (q, v) = target + weight (v, a(q, v)) by Newton iterations from `now`, and overwrite `now`.
 
-    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes L again; after an
-    iteration that does not contract, the next one always does
+    L: factor of the tangents near the solution, see `_factorise`
+    renew: whether each iteration computes L again; an iteration after one that did not contract always does
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -510,9 +511,10 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
 def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as in `runge_kutta`; masses: masses of free coordinates, (n_half,); renew: whether each Newton iteration
-    computes its tangents, or all use the tangents at the step's start. Second order; stable with definite tangents at
-    any stiffness. The two stages are the trapezoidal rule and the backward differentiation formula.
+    outside: as in `runge_kutta`; masses: masses of free coordinates, (n_half,)
+    renew: whether each Newton iteration computes new tangents; else all use the tangents at the step's start
+    The two stages are the trapezoidal rule and the backward differentiation formula. The method has second order and,
+    with definite tangents, is stable at any stiffness.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -557,7 +559,7 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
 
 @njit(cache=True, nogil=True)
 def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-def]
-    """Stiffness K and damping C, (n_points, n_half, n_half), of states (n_points, n_state), by `tangents`."""
+    """`tangents` at several states, (n_points, n_state): K and C, (n_points, n_half, n_half) each."""
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -590,7 +592,7 @@ class PackedNeedle(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
-    """Write the share of each node in a force at a point into `share`, (n_nodes,)."""
+    """Distribute a unit force at a point over the nodes: write their shares into `share`, (n_nodes,)."""
     n_nodes, dim = nodes.shape
     nearest = np.inf
     for i in range(n_nodes):
@@ -656,7 +658,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, both divided by the interval between samples
-    moves: tip (dim,) and its velocity (dim,), direction (dim,), length inside; punctured: state of the skin at first
+    moves, punctured: at the start: tip (dim,), its velocity (dim,), direction (dim,), length inside; whether punctured
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -708,10 +710,10 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 @njit(cache=True, nogil=True)
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
-    """In each state, change of the force on the free coordinates per unit of the log of each of n constants [N].
+    """Derivative of the force on free coordinates by the log of n constants [N], (n_points, n, n_state / 2).
 
     states: (n_points, n_state); nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
-    kinds, indices: those of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)
+    kinds: index of each constant's kind in KINDS, (n,); indices: index of its spring or node, (n,)
     """
     half = states.shape[1] // 2
     dim = nodes.shape[1]
@@ -727,7 +729,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """`parameter_forces_each` for one state x, v of all nodes, (n_nodes, dim), written into zeros (n, n_free dim)."""
+    """`parameter_forces_each` for one state; x, v: (n_nodes, dim); written into the zeros of out, (n, n_free dim)."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

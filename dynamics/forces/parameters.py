@@ -33,7 +33,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A constant of a network: its kind, one of KINDS, and the index of its spring or, for drag and friction, node."""
+    """A constant of a kind in KINDS; index: index of its spring or, for drag and friction, of its node."""
 
     kind: str
     index: int
@@ -41,14 +41,13 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterUncertainty:
-    """Uncertainty of constants on a log scale, as independent directions.
+    """Uncertainty of the logs of constants, as a sum of independent errors.
 
     parameters: the uncertain constants
-    directions: [1], (n_directions, n_parameters): each row is the change of the log of every constant by one standard
-    deviation of one independent direction; their covariance is directions.T @ directions
+    directions: (n_directions, n_parameters): each row is the change of all logs by one standard deviation of one
+        independent error [1]; the covariance of the logs is directions.T @ directions
 
-    Raises NetworkError for other shapes, for numbers that are not finite, and if one standard deviation of a
-    constant is a factor that overflows.
+    Raises NetworkError for other shapes, for numbers that are not finite, and if exp of a standard deviation overflows.
     """
 
     parameters: tuple[Parameter, ...]
@@ -82,7 +81,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Union of two independent uncertainties: the directions of both, over the constants of both."""
+        """The uncertainty of the constants of both, with the directions of both as independent errors."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -92,7 +91,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Independent uncertainty of each constant: relative standard deviations [1], one for all or (n_parameters,)."""
+    """Independent uncertainty of each constant; sd: relative standard deviation [1], one for all or (n_parameters,)."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -103,13 +102,11 @@ def strain_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
-    The strain tensor E(X) is symmetric; its components are independent Gaussian fields. Rest lengths along n change by
-    n' E n. Springs along n and m have the covariance sd² exp(-d² / 2 l²) (n · m)²; d: distance of their middles.
+    The strain tensor E(X) is symmetric, and its components are independent Gaussian fields. It changes the rest length
+    of a spring along n by n' E n. The covariance of springs along n and m is sd² exp(-d² / 2 l²) (n · m)², with d the
+    distance of their middles. A pivoted Cholesky decomposition [harbrecht2012] approximates this covariance.
     sd: standard deviation of the strain along any direction [1]; length: l, relative to the body's longest side [1]
-    n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
-    the spring that the earlier directions leave most uncertain
-
-    Source: [harbrecht2012].
+    n_directions: largest rank of the approximation
     """
     which = parameters(network, ("rest_length",))
     one, other = network.positions[network.springs[[each.index for each in which]].T]
@@ -128,10 +125,7 @@ def strain_uncertainty(
 
 
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
-    """The positive constants of these kinds, of springs and of free nodes, kind by kind.
-
-    The constants of a continuum are the stiffness of each tissue.
-    """
+    """All positive constants of these kinds, kind by kind; for a continuum, the stiffness of each tissue."""
     if network.continuum is not None:
         n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0
         return tuple(Parameter("stiffness", tissue) for tissue in range(n_tissues))
@@ -182,9 +176,9 @@ def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], cha
 def parameter_forces(
     network: MassSpringNetwork, which: Sequence[Parameter], positions: ArrayLike, velocities: ArrayLike
 ) -> Floats:
-    """Derivative of forces on free coordinates with respect to the log of each constant [N], (n, n_free dim).
+    """Derivative of the forces on free coordinates with respect to the log of each constant [N], (n, n_free dim).
 
-    positions [m] and velocities [m/s] of all nodes, (n_nodes, dim).
+    positions, velocities: those of all nodes [m], [m/s], (n_nodes, dim)
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     if network.continuum is not None:
@@ -221,7 +215,7 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """Derivatives for states of the free nodes, (..., n_state): (..., n_parameters, n_state / 2)."""
+        """Derivatives, (..., n_parameters, n_state / 2), at states of the free nodes, (..., n_state)."""
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

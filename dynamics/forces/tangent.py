@@ -21,14 +21,15 @@ RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Ratios of length to rest length at which the stability limit searches for the stiffest shape: if stiffness is
-monotone between two of them, as in every present law, its maximum is at one of them."""
+"""Ratios of length to rest length at which the largest stiffness is searched for the stability limit: if the stiffness
+is monotone between two of them, as in every present law, its maximum is at one of them."""
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
     """Second derivative of potential energy with respect to free coordinates [N/m], (n_free dim, n_free dim).
 
-    positions of all nodes [m], (n_nodes, dim). A spring of tension T gives dT/dl n n' + T / l (I - n n').
+    positions: those of all nodes [m], (n_nodes, dim)
+    A spring of length l and tension T along n contributes dT/dl n n' + T / l (I - n n').
     """
     n, lengths = _directions(network, positions)
     c = spring_constants(network)
@@ -41,9 +42,9 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 
 
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """Derivative of resisting forces with respect to free velocities, at rest [N s/m], (n_free dim, n_free dim).
+    """Damping matrix of the free coordinates for small motions about these positions [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: if above 0, nodes resist with force / speed at this speed (the secant), not with the derivative
+    speed_m_s: if above 0, the resistance of a node is its force divided by this speed [m/s]
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -57,7 +58,7 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
     """State matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
     positions: positions of all nodes at rest [m], (n_nodes, dim)
-    speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
+    speed_m_s: speed for the resistance of nodes, see `damping_matrix`
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
@@ -71,10 +72,10 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
-    In these shapes a spring's tangent stiffness is at most k in every direction, with k the largest dT/dl or T / l.
-    The graph Laplacian weighted by k bounds the stiffness of all such shapes; another such Laplacian bounds the
-    damping. (Longer linear springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per
-    mass, every eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    In these shapes, the tangent stiffness of a spring is at most k in any direction, with k the largest dT/dl or T / l.
+    The graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. With w² and d the
+    largest eigenvalues of these bounds per mass, every eigenvalue of the linearised motion is at most
+    (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

@@ -14,8 +14,8 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Number of coordinates up to which each iteration computes tangents: a link of 2e7 N/m needs this. With more, all
-iterations use the tangents at the step's start, to save factorisations; this suffices for links up to 2e5 N/m."""
+"""Number of coordinates up to which each Newton iteration computes tangents, as a link of 2e7 N/m requires. With more
+coordinates, all iterations use the tangents at the step's start; this suffices for links of up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Relative stiffness that counts as a rounding error."""
@@ -26,11 +26,11 @@ DRIVEN = 1e12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """Derivatives of a step for several states.
+    """Derivatives of the state after an interval, for k states.
 
-    F: derivative with respect to the state at the step's start, (k, n_state, n_state); half: the same over the second
-    half of the step, or over all of an undivided step; by_force: derivative with respect to constant forces on the free
-    coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
+    F: derivative with respect to the state at the interval's start, (k, n_state, n_state)
+    by_force: derivative with respect to constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
+    half: F of the second half of the interval; of the whole interval if it is a single step
     """
 
     F: Floats
@@ -39,9 +39,9 @@ class Linearised:
 
 
 class ImplicitStepper:
-    """Implicit integrator for states of one network: compiled steps of TR-BDF2, at most LONGEST_STEP long.
+    """Implicit integrator for states of one network: compiled TR-BDF2 steps of at most LONGEST_STEP.
 
-    L-stable: no stiffness shortens the step, and motions that are too fast for it are damped. Source: [bank1985].
+    L-stable: the step does not depend on the stiffness, and motions that are too fast for it are damped [bank1985].
     """
 
     def __init__(self, network: MassSpringNetwork) -> None:
@@ -53,11 +53,11 @@ class ImplicitStepper:
         return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
-        """Number of equal steps for an interval of dt [s]: a power of two, so that matrices can be squared."""
+        """Number of equal steps for an interval of dt [s]: a power of two, as `linearised` squares its matrices."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
-        """States (n_points, n_state) after dt [s] under constant forces on the free coordinates [N], default none.
+        """States (n_points, n_state) after dt [s] under constant forces on the free coordinates [N].
 
         driven: free nodes that keep their velocity under any force
         """
@@ -68,7 +68,7 @@ class ImplicitStepper:
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
     def _masses_with(self, driven: Sequence[int]) -> Floats:
-        """Masses of the free coordinates [kg], (n_state / 2,); driven nodes are too heavy to accelerate."""
+        """Masses of the free coordinates [kg], (n_state / 2,); those of driven nodes are multiplied by `DRIVEN`."""
         if not len(driven):
             return self._masses
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
@@ -78,8 +78,8 @@ class ImplicitStepper:
 
         driven: free nodes that keep their velocity under any force
 
-        Where the tissue would buckle, springs under compression get no transverse stiffness: a linear motion
-        would grow without limit, but the tissue stops at the next rest shape.
+        In a state in which the tissue buckles, compressed springs get no transverse stiffness. With it, the linear
+        motion would grow without limit; real tissue stops at another rest shape.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)
@@ -105,7 +105,7 @@ class ImplicitStepper:
         return Linearised(F, by_force, before)
 
     def _tangents(self, states: Floats) -> tuple[Floats, Floats]:
-        """Stiffness and damping about each state, (k, n_half, n_half); semidefinite ones where a motion would grow."""
+        """Stiffness and damping at each state, (k, n_half, n_half); an indefinite pair is made semidefinite."""
         own = self.network.positions, self.network.free, self._packed
         K, C = tangents_each(states, False, *own)
         if _are_semidefinite(K):
@@ -118,7 +118,7 @@ class ImplicitStepper:
 
 
 def _times(lower: Floats, step: float, right: Floats) -> Floats:
-    """Product W right with W = (1, 0; 0, 0) + (step, 1)' lower: lower (k, n, 2 n), right (k, 2 n, m)."""
+    """Product W right with W = (1, 0; 0, 0) + (step, 1)' lower; lower: (k, n, 2 n), right: (k, 2 n, m)."""
     n = lower.shape[1]
     below = lower @ right
     return np.concatenate([right[:, :n] + step * below, below], axis=1)

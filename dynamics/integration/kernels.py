@@ -1,7 +1,7 @@
 """Compiled algebra of the implicit step of second order: its stages, its derivative, and the noise of several steps.
 
-Letters as in `dynamics.integration.rosenbrock`: J the derivative of the rates, g = gamma h, S = (M + g C + g² K)^-1,
-which serves to apply (1 - g J)^-1 to rates of coordinates and velocities.
+Letters as in `dynamics.integration.rosenbrock`: h is the step, g = gamma h, J the Jacobian of the equations of motion,
+K the stiffness, C the damping. S = (M + g C + g² K)^-1 is used to multiply vectors by (1 - g J)^-1.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
 
 @njit(cache=True, nogil=True)
 def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
-    """Product of (1 - g J)^-1 with rates of coordinates and velocities, (n,) each, as one vector (2 n,)."""
+    """Product of (1 - g J)^-1 with the vector (of_q, of_v), (n,) each; returns one vector, (2 n,)."""
     speed = S @ (M * of_v - g * (K @ of_q))
     return np.concatenate((of_q + g * speed, speed))
 
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """S, the first stage of motion (2 n,) and of accelerations (n_f,), and the state to which it leads in h, (2 n,)."""
+    """S; first stage of the motion, (2 n,), and of accelerations, (n_f,); and the motion's state after it, (2 n,)."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
@@ -38,9 +38,9 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """State after the step, and the largest difference between its two stages in any coordinate [m].
+    """State after the step, and the largest difference of any coordinate between the two stages [m].
 
-    force: force at `middle`, the state after the first stage
+    middle: state after the first stage; force: force at `middle`
     """
     n, g = len(M), GAMMA * h
     f = state[2 * n :]
@@ -55,7 +55,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
     """Write derivatives of coordinates, then of velocities, into k columns of `found`, from column `start` on.
 
-    speeds: the derivatives of velocities, (n, k); once: the rows of velocities in the resolvent A, (n, k)
+    speeds: derivatives of velocities, (n, k); once: rows of the velocities in the product with A, (n, k)
     """
     n, k = once.shape
     for i in range(n):
@@ -82,7 +82,7 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
-    """Change of coordinates and velocities over a step, (2 n, k), due to constant accelerations (n, k)."""
+    """Change of coordinates and velocities over a step, (2 n, k), by each of k constant accelerations, (n, k)."""
     n, g = len(M), GAMMA * h
     once = g * (S @ (M.reshape(n, 1) * pushes))
     twice = once + S @ (M.reshape(n, 1) * once - g * g * (K @ once))
@@ -102,12 +102,12 @@ def _add(to, columns, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
-    """Jacobian of the motion (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
+    """Jacobian of the motion over all steps (2 n, m), decay of forces (n_f,), noise covariances (1 + n_sources, m, m).
 
-    The m states are n positions, n velocities and n_f forces that only decay. Noises have unit variance: white noise of
-    velocities, then the noise of each source of forces; sources (n_f,): index of each force's source.
+    The m states are n positions, n velocities and n_f decaying forces. The first covariance is that of white noise on
+    the velocities. The others are those of the forces, for each source with variance 1.
     by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
-    white (n,): standard deviation of the white noise of each velocity
+    sources (n_f,): index of each force's source; white (n,): standard deviation of each velocity's white noise
     """
     n_steps, moving, m = by_states.shape
     half = moving // 2
@@ -131,7 +131,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
                 for i in range(moving):
                     noise[i, moving + f] += driven[i, f] * kept
                     noise[moving + f, i] += driven[i, f] * kept
-        # Simpson's rule over the time of the noise in the step: F F' + (F + L) (F + L)' + L L', first and last
+        # Simpson's rule over the step, with F and L the noise at its start and end: F F' + (F + L) (F + L)' + L L'
         first, last = before[:, half:moving] * white, motion[:, half:moving] * white
         _add(noises[0], np.sqrt(2.0) * first + np.sqrt(0.5) * last, steps_s[step] / 6.0)
         _add(noises[0], np.sqrt(1.5) * last, steps_s[step] / 6.0)

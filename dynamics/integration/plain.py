@@ -1,7 +1,7 @@
 """Equations of motion in plain NumPy: the reference for speed and results of compiled kernels.
 
-`softaim bench` times the stock filter with this process model; tests compare the kernels with it. Both assemble the
-scalar force laws of `dynamics.forces.kernels`; the tests contain an independent version of the laws.
+`softaim bench` times filterpy's filter with this process model; tests compare the kernels with it. This module and the
+kernels use the scalar force laws of `dynamics.forces.kernels`; the tests contain an independent version of these laws.
 """
 
 from __future__ import annotations

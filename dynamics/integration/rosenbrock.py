@@ -2,8 +2,8 @@
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-The accelerations f decay, so that they can be states of a filter. L-stable: stiff oscillations are damped; slow ones
-keep their energy to second order in the step. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
+The accelerations f decay; they are states of a filter. The step is L-stable: it damps stiff oscillations, and keeps the
+energy of slow oscillations to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ SHORTEST_SHARE = 1.0 / 128.0
 class Move:
     """One step: its length [s], the state after it (n_state,), and its derivative with respect to the state before.
 
-    by_state: rows of coordinates and velocities, (2 n, n_state); fading: remaining share of each acceleration, (n_f,)
-    S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): values in the step, see `dynamics.integration.kernels`
+    by_state: derivative of coordinates and velocities, (2 n, n_state)
+    fading: factor by which each acceleration decays in the step, (n_f,)
+    S, K, M: matrices of the step as in `dynamics.integration.kernels`: [1/kg], (n, n); [N/m], (n, n); [kg], (n,)
     """
 
     step_s: float
@@ -46,14 +47,14 @@ class Move:
 
 
 def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
-    """Derivative of several steps and their noises, see `dynamics.integration.kernels.along_steps`."""
+    """Derivative and noises of several successive steps, see `dynamics.integration.kernels.along_steps`."""
     by_states, fadings = np.array([move.by_state for move in moves]), np.array([move.fading for move in moves])
     steps_s = np.array([move.step_s for move in moves])
     return tuple(along_steps(by_states, fadings, steps_s, sources, n_sources, white))
 
 
 class Rosenbrock:
-    """Integrator for states of coordinates [m], velocities [m/s], (n,) each, and accelerations [m/s²], (n_f,).
+    """Integrator for states: coordinates [m] and velocities [m/s], (n,) each, and accelerations [m/s²], (n_f,).
 
     Parameters
     ----------
@@ -80,9 +81,9 @@ class Rosenbrock:
         self.rates, self.tolerance_m = 1.0 / fading_s, tolerance_m
 
     def moves(self, state: Floats, dt: float, longest_s: float, *, derivatives: bool = True) -> list[Move]:
-        """The steps from a state (n_state,) over dt [s], each at most longest_s [s] long.
+        """Integrate from a state, (n_state,), over dt [s], in steps of at most longest_s [s]; returns the steps.
 
-        Without derivatives `by_state` is empty, and the computation takes a fraction of the time.
+        If derivatives is False, `by_state` is empty, and the computation is much faster.
         """
         M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
         h = longest = dt / max(1, int(np.ceil(dt / longest_s * (1.0 - SAME_STEP))))

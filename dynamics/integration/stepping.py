@@ -1,4 +1,4 @@
-"""Motion in time: fixed Runge-Kutta steps for filters, SciPy's adaptive ones for reference and for the paper."""
+"""Motion in time: fixed Runge-Kutta steps for filters, SciPy's adaptive steps for reference and for the paper."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SAME_STEP = 1e-6
 class Stepper:
     """Integrator for batches of states of one network: compiled classical Runge-Kutta steps.
 
-    max_step_s: longest step [s], at most half the stability limit of the network, if it has one
+    max_step_s: longest step [s]; for springs, at most half the stability limit
     """
 
     def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
@@ -52,7 +52,7 @@ class Stepper:
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
         """States after dt seconds, (n_points, n_state), under constant outside forces.
 
-        states: (n_points, n_state); forces on the free coordinates [N], (n_points, n_state / 2), default none.
+        states: (n_points, n_state); forces: on the free coordinates [N], (n_points, n_state / 2); None: no forces
         driven: free nodes that keep their velocity under any force
         Raises ValueError for other shapes or a negative dt.
         """
@@ -84,7 +84,7 @@ class Stepper:
         )
 
     def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
-        """Trapezoidal rule for a continuum, n steps of h [s]: its motion is linear, so any step is stable."""
+        """Take n trapezoidal steps of h [s]; a continuum's motion is linear, so steps of any length are stable."""
         network, solid = self.network, self.network.continuum
         assert solid is not None
         half = self._n_state // 2
@@ -112,7 +112,7 @@ def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0
 def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
     """Time derivative of a network's states as a function of states (..., n_state) [m, m/s] and outside forces [N].
 
-    Its arrays are allocated once: an adaptive integrator calls it 10,000 times.
+    The function reuses its arrays, because an adaptive integrator calls it 10,000 times.
     """
     x = network.positions[:, :, None].copy()
     v, force = np.zeros_like(x), np.empty_like(x)
@@ -149,8 +149,8 @@ def integrate_adaptive(
     method: explicit or, for stiff networks, the implicit Radau; their results agree within the tolerances
 
     force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be small
-    enough not to miss it. bends_s: times at which only the force's slope jumps [s]; a step ends at each of them,
-    because a step across it would be rejected. Raises RuntimeError if the integrator fails.
+    enough not to miss it. bends_s: times at which the force is continuous but its slope jumps [s]; a step ends at each
+    of them, because a step across it would be rejected. Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

@@ -1,4 +1,4 @@
-"""Spring constants of a lattice from Young's modulus: by published formulas, and by a fit to virtual tests."""
+"""Spring constants of a lattice from Young's modulus: by published formulas, or by a fit to virtual tests."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Largest number of steps, largest change of a factor in a step, and change that ends the steps [1]; numerical."""
+"""Largest number of steps, largest change of a factor in a step, and change below which the fit ends [1]; numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
-    """Spring stiffness [N/m], (n_springs,), from each tetrahedron's Young's modulus [Pa], (m,), after van Gelder.
+    """Spring stiffness [N/m], (n_springs,), by van Gelder's formula; young: of each tetrahedron [Pa], (m,).
 
     Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
     """
@@ -28,7 +28,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 
 
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
-    """Spring stiffness [N/m], (n_springs,), from each tetrahedron's Young's modulus [Pa], (m,), after Lloyd.
+    """Spring stiffness [N/m], (n_springs,), by Lloyd's formula; young: of each tetrahedron [Pa], (m,).
 
     Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of its volume [lloyd2007].
     """
@@ -39,15 +39,15 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
     """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on each spring's direction.
 
-    factors: six numbers [1], (6,). Along n it is exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q].
+    The factor of a spring along n is exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q]; factors: [1], (6,).
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
 
 class Sample(NamedTuple):
-    """A lattice, initial stiffness of its springs [N/m], (n_springs,), and wanted Young's moduli [Pa], (6,).
+    """A lattice for the fit; young: wanted Young's moduli along `DIRECTIONS` [Pa], (6,).
 
-    The moduli are those along `DIRECTIONS`.
+    stiffness: stiffness of the springs before the fit [N/m], (n_springs,)
     """
 
     lattice: Lattice
@@ -58,9 +58,8 @@ class Sample(NamedTuple):
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
     """Factors for `directed` [1], (6,), that give lattices of one structure the wanted Young's moduli.
 
-    Gauss-Newton on logarithms of the moduli: exact for one lattice, least squares for several. A network of central
-    springs has no other free moduli: Poisson's ratios and shear moduli follow.
-    Raises ValueError if no factors are found.
+    Gauss-Newton on logarithms of the moduli: exact for one lattice, least squares for several. In a network of springs,
+    Poisson's ratios and shear moduli cannot be chosen independently. Raises ValueError if no factors are found.
     """
     factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
     for _ in range(STEPS):
@@ -78,7 +77,7 @@ def _quartics(lattice: Lattice) -> Floats:
 
 
 def _elongations(lattice: Lattice) -> csr_array:
-    """Derivative of the springs' elongation with respect to the nodes' displacements, (n_springs, 3 n)."""
+    """Derivative of the elongations of springs with respect to the displacements of nodes, (n_springs, 3 n)."""
     n, columns = len(lattice.springs), 3 * lattice.springs[:, :, None] + np.arange(3)
     entries = np.stack([-lattice.directions, lattice.directions], axis=1).ravel()
     where = (np.repeat(np.arange(n), 6), columns.ravel())
@@ -86,10 +85,10 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Logs of wanted / present moduli, (6,), and their derivatives with respect to factors, (6, 6).
+    """Logs of the ratios of wanted to present moduli, (6,); derivatives of the present logs by the factors, (6, 6).
 
-    At equilibrium the derivative of the energy with respect to a stiffness is half the squared elongation e of its
-    spring. Under unit tension therefore d(1/E) = -sum over springs of e² dk / V.
+    At equilibrium, the derivative of the energy by the stiffness k of a spring is half its squared elongation e. Under
+    unit tension therefore d(1/E) = -sum over springs of e² dk / V, with V the volume.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

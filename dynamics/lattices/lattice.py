@@ -23,14 +23,15 @@ JITTER = 0.2
 """Largest random shift of points, relative to the cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Distance of two points, relative to the cell, below which one is omitted [1]; choice: against flat tetrahedra."""
+"""Distance of two points, relative to the cell, below which one is omitted [1]; choice: it avoids flat tetrahedra."""
 
 FLATTEST = 1e-3
-"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice: flatter ones are omitted, about 1e-5
-of the volume."""
+"""Volume of a tetrahedron, relative to its longest edge cubed, below which it is omitted [1]; choice: the omitted ones
+have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Number of Newton steps onto a surface; width of the differences for its normal, relative to the side; numerical."""
+"""Number of Newton steps to a surface, and half-width of the differences for its normal [1], relative to the side;
+numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +41,7 @@ class Lattice:
     Attributes
     ----------
     mesh : TetMesh
-        A cube with a corner at the origin; region 0 is the ground, the others are the structure's tissues.
+        A cube with a corner at the origin; region 0 is the surrounding tissue, the others are the structure's tissues.
     springs : (n_springs, 2) int
         Ends of each spring.
     edges : (m, 6) int
@@ -48,8 +49,8 @@ class Lattice:
     depths : (n,)
         Distance of each point to the nearest surface of the structure [m], negative inside.
     alignment : (n_springs,)
-        Squared cosine between spring and nearest surface of the structure [1]: 1 along a layer, wall, duct or fibre, 0
-        across. Its mean over random directions is 2/3.
+        Squared cosine of the angle between the spring and the nearest surface of the structure [1]: 1 along a layer,
+        wall, duct or fibre, 0 across. Its mean over random directions is 2/3.
     """
 
     mesh: TetMesh
@@ -75,15 +76,15 @@ class Lattice:
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 
     def of_elements(self, tissues: Sequence[Tissue], key: str) -> Floats:
-        """The constant `key` of each element's tissue, (m,)."""
+        """The constant named `key` of the tissue of each element, (m,)."""
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
     def of_springs(self, shares: Floats) -> Floats:
-        """For each spring, (n_springs,), the sum of the shares, (m,), of the tetrahedra around it."""
+        """For each spring, the sum of the shares of the adjacent tetrahedra, (n_springs,); shares: (m,)."""
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
-        """Stiffness matrix of the tetrahedra, given the tissue of each region [N/m], (3 n, 3 n), node-major."""
+        """Stiffness matrix of the tetrahedra [N/m], (3 n, 3 n), node-major; tissues: tissue of each region."""
         young, poisson = (self.of_elements(tissues, key) for key in ("young_pa", "poisson"))
         return rest_stiffness(self.mesh, young, poisson, None, dilatation_patches(self.mesh, poisson))
 
@@ -94,7 +95,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
     Parameters
     ----------
     structure : Structure
-        Positions of the tissues in the unit cube.
+        Distances to the surfaces of the tissues in the unit cube.
     side_m : float
         Side of the cube [m].
     cells : int
@@ -108,8 +109,9 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
     Notes
     -----
-    Points of a grid are shifted at random, then moved onto the nearest surface if it is within half a cell; those on a
-    face of the cube stay on it. Few edges of their Delaunay triangulation cross a surface, see `Lattice.crossing`.
+    Points of a grid are shifted at random. If the nearest surface is within half a cell, they are then moved to it.
+    Points on a face of the cube stay on it. Few edges of their Delaunay triangulation cross a surface, see
+    `Lattice.crossing`.
     """
 
     def depth(x: Floats) -> Floats:
@@ -133,7 +135,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
 
 def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
-    """The network of a lattice, without anchors and weight; it rests as drawn.
+    """The network of a lattice, which rests as drawn, without anchors and without weight.
 
     stiffness: stiffness of the springs [N/m], (n_springs,); tissues: tissue of each region, for masses and damping
     """
@@ -177,5 +179,5 @@ def _directions(x: Floats, springs: NDArray[np.int64]) -> Floats:
 
 
 def _gradients(depth: Depth, x: Floats) -> Floats:
-    """Gradients of a depth at points, (n, 3), by central differences."""
+    """Gradients, (n, 3), of a depth function at points, (n, 3), by central differences."""
     return np.stack([(depth(x + step) - depth(x - step)) / (2.0 * STEP) for step in STEP * np.eye(3)], axis=1)

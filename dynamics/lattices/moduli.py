@@ -2,10 +2,10 @@
 
 Components have Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
 
-Boundaries are mixed, as in [pahr2008]: under a normal strain each face moves along its normal and slides without
-friction; under a shear strain the sheared faces move along their planes, and the others slide without friction. The
-moduli lie between those for given displacements and those for given stresses on all faces. They equal the moduli of a
-periodic body if the box is its unit cell and symmetric about its three planes.
+Boundary conditions are mixed, as in [pahr2008]. Under a normal strain, each face moves along its normal and slides
+without friction. Under a shear strain, the sheared faces move along their planes, and the other faces slide without
+friction. The moduli lie between those for prescribed displacements and those for prescribed stresses on all faces. If
+the box is the unit cell of a periodic body and symmetric about its three planes, the moduli are those of this body.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ ON_FACE = 1e-6
 """Largest distance of a node from the face that it lies on, relative to the side of the box [1]; numerical."""
 
 LOOSE = 1e-10
-"""Pivot of the factored stiffness, relative to its largest diagonal entry, below which a node is loose [1]; numerical:
-it is about 1e-3 in lattices of tissues, and a rounding error at a loose node."""
+"""Pivot of the factored stiffness, relative to the stiffness matrix's largest diagonal entry, below which a node is
+loose [1]; numerical: the least pivot is about 1e-3 in lattices of tissues, and a rounding error at a loose node."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -47,7 +47,7 @@ class Moduli:
     shear : (3,)
         Shear moduli of yz, xz, xy [Pa].
     poisson : (3,)
-        Poisson's ratios: contraction along the second axis under tension along the first, for yz, xz, xy [1].
+        Poisson's ratios for yz, xz, xy: relative contraction along the second axis under tension along the first [1].
     bulk : float
         Bulk modulus [Pa]: pressure divided by the relative loss of volume.
     anisotropy : float
@@ -88,7 +88,7 @@ def orthotropic_moduli(stiffness: Floats) -> Moduli:
 
 
 def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
-    """Unit vectors for pairs of axes, (n, 3): an axis itself, or the diagonal of two."""
+    """Unit vectors for pairs of axes, (n, 3): the axis if both are equal, else the diagonal between them."""
     each = np.array([np.eye(3)[i] + np.eye(3)[j] for i, j in pairs])
     return np.asarray(each / np.linalg.norm(each, axis=1, keepdims=True))
 
@@ -100,7 +100,7 @@ def young_along(stiffness: Floats, directions: Floats) -> Floats:
 
 
 def tension(directions: Floats) -> Floats:
-    """Unit tension along unit vectors, (n, 3), as stress in Voigt's order, (n, 6)."""
+    """Stress of a unit tension along each of n unit vectors, (n, 3), in Voigt's order, (n, 6)."""
     return np.stack([directions[:, i] * directions[:, j] for i, j in PAIRS], axis=1)
 
 
@@ -114,7 +114,7 @@ def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
 
 
 def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
-    """Stiffness of a box of this volume from the energy of the displacements in six tests, (3 n, 6)."""
+    """Stiffness [Pa], (6, 6), from the energies of six virtual tests; moved: displacements of all nodes, (3 n, 6)."""
     C = moved.T @ (K @ moved) / volume
     C[:3, 3:] = C[3:, :3] = 0.0
     C[3:, 3:] = np.diag(np.diag(C)[3:])
@@ -122,7 +122,7 @@ def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
 
 
 def strained(K: csc_array, nodes: Floats) -> Floats:
-    """Displacements of all nodes at unit strains, (3 n, 6)."""
+    """Displacements of all nodes in six virtual tests, each with one unit strain, (3 n, 6)."""
     on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
     for q, (i, j) in enumerate(PAIRS):  # Affine: strain times position
         moved[:, i, q] += 0.5 * nodes[:, j]
@@ -138,10 +138,9 @@ def strained(K: csc_array, nodes: Floats) -> Floats:
 
 
 def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
-    """Young's moduli [Pa], (3,), along the axes of a box stretched between two faces without friction, its sides free.
+    """Young's moduli [Pa], (3,), of a box that is stretched along each axis, with its four other faces free.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their positions [m], (n, 3). NetworkError for a
-    loose node.
+    The two pulled faces slide without friction. K, nodes: as in `effective_stiffness`. NetworkError for a loose node.
     """
     lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
     found = np.empty(3)
@@ -149,7 +148,7 @@ def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
         b, c = np.delete(np.arange(3), a)
         given, moved = np.zeros_like(on), np.zeros(nodes.shape)
         given[:, a], moved[:, a] = on[:, a], nodes[:, a] - lowest[a]
-        corner = np.where(np.arange(3) == b, size, 0.0)  # Two corners hold it against rigid motion
+        corner = np.where(np.arange(3) == b, size, 0.0)  # two corners are fixed to prevent rigid motion
         near, far = (int(np.linalg.norm(nodes - lowest - place, axis=1).argmin()) for place in (0.0 * size, corner))
         given[near], given[far, c] = True, True
         flat = moved.reshape(-1, 1)
@@ -165,9 +164,9 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set the displacements (3 n, k) that are not `given`, (n, 3), to those at which no force acts on them.
+    """Set all displacements in moved, (3 n, k), that are not `given`, (n, 3), to their values at equilibrium.
 
-    NetworkError if a node moves without force.
+    Raises NetworkError for a loose node, which moves without force.
     """
     free, held = np.flatnonzero(~given.ravel()), np.flatnonzero(given.ravel())
     rows = csc_array(K[:, free])

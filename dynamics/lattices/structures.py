@@ -1,7 +1,8 @@
 """Structures of tissues in a cube: layers, cell walls, lobules with ducts, fibres.
 
-A structure is a function of points of the unit cube, (n, 3): distances to the surface of each of its
-tissues, (n_tissues, n), negative inside. The constants below define these structures; they are not settings.
+A structure is a function that returns the distances of points of the unit cube, (n, 3), from the surface of each of its
+tissues, (n_tissues, n); a distance is negative inside the tissue. The constants below define these structures; they are
+not settings.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Distances to the surface of each tissue except the ground, (n_tissues, n), at points (n, 3), relative to the side."""
+"""Function that returns the distances of points, (n, 3), from the surface of each tissue except the surrounding one,
+(n_tissues, n), relative to the side."""
 
 THICK, WALL = 0.12, 0.08
 """Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
@@ -35,11 +37,11 @@ FIBRES = 4
 """Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of centres, relative to the side; for fibres, half of it each for shifts and for waves."""
+"""Largest random shift of centres, relative to the side; for fibres, the shift and the amplitude of waves are half."""
 
 
 def plain(rng: np.random.Generator) -> Structure:
-    """Only the ground tissue."""
+    """Only the surrounding tissue."""
     del rng
     return lambda x: np.ones((1, len(x)))
 
@@ -56,7 +58,7 @@ def sheet(rng: np.random.Generator) -> Structure:
 
 
 def foam(rng: np.random.Generator) -> Structure:
-    """Walls between the cells of the Voronoi diagram of shifted centres."""
+    """Walls between Voronoi cells, whose centres are randomly shifted points of a grid."""
     centres = (_grid(np.arange(-1.0, CELLS + 1.0)) + 0.5) / CELLS
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     nearest = cKDTree(centres)
@@ -70,7 +72,7 @@ def foam(rng: np.random.Generator) -> Structure:
 
 
 def lobules(rng: np.random.Generator) -> Structure:
-    """Balls, and ducts from each of them to a stem along z."""
+    """Balls, and a duct from each ball to a common stem along z."""
     centres = (_grid(np.arange(CELLS - 1.0)) + 0.5) / (CELLS - 1)
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     fork = np.array([0.5, 0.5, 0.5])

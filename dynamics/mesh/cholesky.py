@@ -1,7 +1,7 @@
 """Cholesky factorisation of a mesh matrix by nested dissection [george1973] and dense fronts [duff1983].
 
-The cells are halved repeatedly. From the smallest parts upwards, each part eliminates the nodes that only its own cells
-have; the Schur complement of its other nodes is its contribution to the part above.
+The cells are halved repeatedly. From the smallest parts upwards, each part eliminates the nodes that belong only to its
+cells. The Schur complement of its other nodes is its contribution to the larger part that contains it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,17 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""Largest size of a part that is not halved: the sum over its cells of their numbers of nodes [1]; numerical: with half
-or twice this size, factorising a breast of 14,000 nodes takes up to a third longer."""
+"""Sum of the numbers of nodes of the cells in a part, above which the part is halved [1]; numerical: with half or twice
+this number, factorising a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Rows that a part eliminates, (m,), and the rows coupled to them, (k,): factor (m, m), coupling (m, k)."""
+    """Factors of a part; own: rows that it eliminates, (m,); others: rows coupled to these, (k,).
+
+    chol: Cholesky factor, (m, m); coupling: (m, k)
+    """
 
     own: Ints
     others: Ints
@@ -44,7 +47,7 @@ class MeshCholesky:
     places : (n, 3)
         Positions of the nodes [m].
     cells : (m, n) csr_array
-        Nonzero at the nodes of each cell; K couples only nodes that share a cell.
+        Nonzero at the nodes of each cell; K couples only nodes of the same cell.
 
     Raises
     ------
@@ -77,9 +80,9 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Remaining nodes of a part, number of the part's cells at each of them, and the Schur complement.
+    """Contribution of a part; nodes: its remaining nodes, (k,); counts: number of its cells at each of them, (k,).
 
-    nodes and numbers: (k,); schur: lower half, (k dim, k dim)
+    schur: lower half of the Schur complement, (k dim, k dim)
     """
 
     nodes: Ints
@@ -89,10 +92,10 @@ class _Contribution(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Elimination:
-    """Elimination of the rows of K, part by part of the cells (nested dissection).
+    """Elimination of the rows of K, part by part (nested dissection).
 
-    lowest: corner of the box around each cell [m], (m, 3); shared: number of cells of each node, (n,)
-    local: index of each row of K in the present front, (n dim,), -1 for eliminated rows
+    lowest: least coordinates of each cell [m], (m, 3); shared: number of cells at each node, (n,)
+    local: index of each row of K in the present front, (n dim,); -1 for eliminated rows
     """
 
     K: csc_array
@@ -103,7 +106,7 @@ class _Elimination:
     fronts: list[_Front]
 
     def part(self, cells: Ints) -> _Contribution:
-        """Contribution of a part of the cells; appends its fronts."""
+        """Eliminate a part of the cells, append its fronts, and return its contribution."""
         half = len(cells) // 2
         if half and np.diff(self.cells.indptr)[cells].sum() > LEAF:
             along = self.lowest[cells, np.ptp(self.lowest[cells], axis=0).argmax()]

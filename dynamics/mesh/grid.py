@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def grid_tetrahedra(counts: Sequence[int]) -> NDArray[np.int64]:
-    """Nodes (m, 4) of the tetrahedra in a grid with these numbers of cells along the axes, (3,); z varies fastest."""
+    """Node indices of the tetrahedra of a grid, (m, 4); counts: cells along each axis, (3,). z varies fastest."""
     index = np.arange(np.prod(np.add(counts, 1))).reshape(np.add(counts, 1))
     cells = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
     elements = []

@@ -1,4 +1,4 @@
-"""Masses and linear stiffness of a mesh at rest, and patches of elements that average the dilatation."""
+"""Masses and linear stiffness of a mesh at rest, and patches of elements over which the dilatation is averaged."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Number of elements in a patch [1]; choice: with 8 or more the tests' beams bend equally, with 4 a tenth less."""
+"""Number of elements in a patch [1]; choice: with 8 or more, beams in the tests bend equally; with 4, a tenth less."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
@@ -23,15 +23,15 @@ def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats
 
 
 def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
-    """Mass of each node [kg], (n,): a quarter of each adjacent element's mass; density [kg/m³], (m,) or one number."""
+    """Mass of each node [kg], (n,): a quarter of the mass of its elements; density: [kg/m³], (m,) or one number."""
     share = np.repeat(0.25 * mesh.volumes * density, 4)
     return np.asarray(np.bincount(mesh.elements.ravel(), share, minlength=len(mesh.nodes)), dtype=float)
 
 
 def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
-    """The patch of each element, (m,) int: about `size` neighbours within one region, if the region has as many.
+    """Index of the patch of each element, (m,): a patch has about `size` neighbouring elements of one region.
 
-    The elements are halved repeatedly across the widest direction of their centres.
+    The elements of a region are halved repeatedly across the longest side of the box around their centres.
     """
     centres, patch = mesh.nodes[mesh.elements].mean(axis=1), np.empty(len(mesh.elements), dtype=np.int64)
     tissues = [np.flatnonzero(mesh.regions == region) for region in np.unique(mesh.regions)]
@@ -49,17 +49,17 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
 
 
 class Strains(NamedTuple):
-    """Matrix of small strains; the weighted sum of the squared strains is twice the stored energy [J].
+    """Small strains of a mesh; the weighted sum of the squared strains is twice the stored energy [J].
 
     Attributes
     ----------
     matrix : (k, 3 n_free) csr_array
-        Strains per displacement, node-major [1/m]: three normal strains and three shears of each element, and the mean
-        dilatation of each patch.
+        Strains per displacement [1/m], columns node-major: three normal strains and three shears of each element, and
+        the mean dilatation of each patch.
     weights : (k,)
-        Moduli times volumes [N m].
+        Modulus times volume for each strain [N m].
     elements : (k,) int
-        The element of each row; for a patch, one of its elements.
+        The element of each strain; for the dilatation of a patch, one of the patch's elements.
     """
 
     matrix: csr_array
@@ -100,7 +100,7 @@ def strains(
 
 
 def _rows(entries: Floats, columns: NDArray[np.int64], n_nodes: int) -> csr_array:
-    """Matrix (3 m, 3 n_nodes) with three rows per element, from their entries, (m, 3, any), and columns."""
+    """Sparse matrix, (3 m, 3 n_nodes), with three rows per element; entries, columns: (m, 3, any)."""
     m, _, many = entries.shape
     return csr_array((entries.ravel(), columns.ravel(), many * np.arange(3 * m + 1)), shape=(3 * m, 3 * n_nodes))
 
@@ -129,6 +129,6 @@ def rest_stiffness(
 
 
 def factored(K: csc_array) -> SuperLU:
-    """Factors of a symmetric positive definite matrix, (n, n); RuntimeError if it is exactly singular."""
+    """Factors of a symmetric positive definite matrix, (n, n); RuntimeError if the matrix is exactly singular."""
     options = {"SymmetricMode": True}
     return splu(csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

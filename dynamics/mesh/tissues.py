@@ -15,14 +15,14 @@ DAMPING_S = 0.01
 """Ratio of damping to stiffness [s]; choice, as for the phantoms: no source reports it below 1 Hz."""
 
 YOUNG_RANGE_PA = {
-    "fat": (2.3e3, 22e3),  # samani2007 less its deviation, krouskop1998
+    "fat": (2.3e3, 22e3),  # samani2007, mean minus standard deviation; krouskop1998
     "gland": (2.6e3, 66e3),  # as for fat; krouskop1998 reports stiffening with compression
     "fibrous": (96e3, 244e3),  # krouskop1998
     "skin": (35e3, 480e3),  # paillermattei2008 by indentation, sutradhar2013 by suction
     "fascia": (96e3, 244e3),  # as fibrous tissue
     "muscle": (80e3, 80e3),  # paillermattei2008
 }
-"""Smallest and largest mean of Young's modulus in the sources [Pa]."""
+"""Smallest and largest Young's modulus in the sources [Pa]."""
 
 TISSUES = {
     name: Tissue(name, young_pa, POISSON, density_kg_m3, DAMPING_S)

@@ -64,7 +64,7 @@ def forced_states(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps from each time to the next.
 
-    force(t, state): force on the free nodes [N], (n_free, dim), computed at each stage, which preserves fourth order
+    force(t, state): force on the free nodes [N], (n_free, dim); it is computed at each stage of a step
     """
     t = np.asarray(times, dtype=float)
     rate = motion(network)

@@ -7,9 +7,9 @@ dents the skin like a spring. Then the tip cuts with a constant force and there 
     cutting   F = f_c s(v)  at the tip, forward only
     friction  F = f_f s(v)  per length, all along the shaft     s(v) = v / sqrt(v² + slip²)
 
-with v the needle's speed along itself, relative to the adjacent tissue. Each force acts on a point of the tissue,
-whose displacement is a weighted mean of the nodes' displacements. The same weights distribute the force over the nodes,
-so that the work at the point equals the work on the nodes.
+with v the axial speed of the needle relative to the adjacent tissue. Each force acts on a point of the tissue, whose
+displacement is a weighted mean of the nodes' displacements. The same weights distribute the force over the nodes, so
+that the work at the point equals the work on the nodes.
 
 This differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction
 builds up over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
@@ -52,13 +52,14 @@ class NeedlePose:
 class NeedleMechanics:
     """Motion of a needle and the constants of its forces, which `docs/needle.md` explains.
 
-    pose: the needle's pose at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
+    pose: function from time [s] to the needle's pose; entry: point where the needle meets the skin at rest [m], (dim,)
     radius_m: radius of the shaft [m]
-    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of contact before that [N/m]
+    puncture_N: contact force at which the skin is punctured [N]
+    contact_N_m: contact force per depth of the dent before the puncture [N/m]
     cutting_N: cutting force at the tip [N]; friction_N_m: friction along the shaft, per length [N/m]
     reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
-    The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are not settings of an estimator.
+    The defaults define the simulated needle, of 16 gauge, in a soft phantom; they are not settings of an estimator.
     Raises ValueError for impossible values.
     """
 
@@ -121,10 +122,11 @@ def straight_insertion(
 
 
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
-    """Share of each node in a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
+    """Weights that distribute a force at each point over the nodes, (..., n_nodes); their sum is one.
 
-    The shares are a Gaussian kernel of the distance to the nodes as drawn, because tissue moves by millimetres and
-    nodes are centimetres apart. Far from all nodes the nearest has the whole force.
+    points: [m], (..., dim)
+    The weights are a Gaussian kernel of the distance to the nodes as drawn: tissue moves by millimetres, and nodes are
+    centimetres apart. Far from all nodes, the nearest node gets the whole force.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
@@ -156,8 +158,7 @@ def needle_load(
 ) -> NeedleLoad:
     """Compute the forces between needle and tissue at time t [s].
 
-    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin is punctured; a
-    puncture is permanent, and `simulate_insertion` finds its time.
+    positions, velocities: those of all nodes [m], [m/s], (..., n_nodes, dim); punctured: whether the skin is punctured
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
@@ -182,8 +183,9 @@ def distributed_force(
 ) -> Floats:
     """A measured axial force, distributed over the free nodes [N], (n_free, dim): a known input for a filter.
 
-    push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative. Before the puncture it
-    acts at the entry, then on tip and shaft in proportion to cutting force and full friction.
+    push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative
+    Before the puncture the force acts at the entry. After it, the force is distributed over tip and shaft in proportion
+    to the cutting force and full friction.
     """
     pose = needle.pose(t)
     points, parts = needle.entry[None], np.ones(1)
@@ -195,7 +197,7 @@ def distributed_force(
 
 
 def shaft(needle: NeedleMechanics, pose: NeedlePose) -> tuple[Floats, Floats]:
-    """Tip and points of the shaft [m], (n, dim), and the largest cutting and friction force at each [N], (n,)."""
+    """Tip and points of the shaft [m], (n, dim), and the largest cutting or friction force at each point [N], (n,)."""
     back = 0.5 * pose.inserted_m * (SHAFT[0] + 1.0)
     points = pose.tip - np.r_[0.0, back][:, None] * pose.direction
     return points, np.r_[needle.cutting_N, needle.friction_N_m * 0.5 * pose.inserted_m * SHAFT[1]]

@@ -1,11 +1,11 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
-`dynamics.needle.loads` defines the forces. `simulate_insertion` simulates a needle whose whole motion is known,
-by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare the two.
+`dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance, and uses
+DOP853. Here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare the two.
 
-A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because a needle that hardly
-slides resists far more than inertia does. The part of the points' displacement that the modes omit follows the forces
-at once, by the residual flexibility [macneal1971].
+A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because these forces change
+steeply while the needle hardly slides. The part of the points' displacement that the modes omit follows the forces
+without delay, by the residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step [s]; numerical: after 0.5 s of insertion the target is within 2 µm of its place according to the
-adaptive integrator, which `tests/dynamics/needle/test_steered.py` checks."""
+"""Longest step for springs [s]; numerical: after 0.5 s of insertion the target is within 2 µm of the adaptive
+integrator's result, which `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
-"""Longest step for a continuum [s]; numerical: 5 µm of error, see `tests/dynamics/needle/test_steered_solid.py`."""
+"""Longest step for a continuum [s]; numerical: the error is 5 µm, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Most iterations for sliding speeds; largest change in the last one, relative to the slip velocity; numerical."""
+"""Iterations for sliding speeds: their largest number, and the change, relative to the slip velocity, that ends them;
+numerical."""
 
 OF_STABLE = 0.25
-"""Longest step as a share of the longest stable step; numerical: the fastest vibration is damped by 0.1 % per step."""
+"""Longest step, relative to the longest stable step; numerical: it damps the fastest vibration by 0.1 % per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,8 @@ class NeedleMotion:
     """Straight motion of a needle until the next command.
 
     tip: present position [m], (dim,); velocity: velocity of the needle, axial and lateral [m/s], (dim,)
-    direction: unit vector, (dim,); inserted_m: present depth of the tip in the tissue, negative before the skin [m]
+    direction: unit vector along the needle, (dim,)
+    inserted_m: present depth of the tip beyond the skin, negative before the skin [m]
     """
 
     tip: Floats
@@ -71,7 +73,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State (n_state,) at rest with free nodes at these places [m], (n_free, dim), and a continuum's matching modes."""
+    """State at rest with the free nodes at these places [m], (n_free, dim); a continuum's modal state follows it."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -90,10 +92,11 @@ def advance_steered(
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State (n,), ordered as in `steady_state`, at the later of two times [s], and whether the skin is punctured.
+    """State after the interval between_s [s], (n,), and whether the skin is then punctured.
 
-    state: state at the earlier time, (n,); needle: gives its constants; its pose and entry are not used
-    Raises ValueError if the second time is earlier.
+    state: state before it, as from `steady_state`, (n,); punctured: whether the skin is punctured before
+    needle: constants of the forces; the pose and the entry come from `motion`
+    Raises ValueError if the interval ends before it starts.
     """
     start, end = between_s
     if not end >= start:
@@ -131,7 +134,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum; FINEST_STEP for springs, or less if stiff springs need it."""
+    """Longest step [s]: SOLID_STEP for a continuum; for springs, FINEST_STEP or, if they are very stiff, less."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -145,10 +148,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps of dt [s] from a start time [s], and whether the skin is punctured.
-
-    steps: the forces, start, dt, n
-    """
+    """State of a continuum after n steps of dt [s], and whether the skin is punctured; steps: forces, start, dt, n."""
     solid, (outside, start, dt, n) = network.continuum, steps
     assert solid is not None  # the caller checks it
     give, r, drawn = _residual(network), len(solid.rates), network.positions
@@ -173,7 +173,7 @@ def _solid_steps(
         return found
 
     def forces(t: float) -> tuple[Floats, float]:
-        """All forces on the free coordinates [N], and the contact force."""
+        """Sum of all forces on the free coordinates [N], (n_free dim,), and the contact force [N]."""
         acting = outside.at(t).ravel()
         if pose(t).inserted_m <= 0.0:
             return acting, 0.0
@@ -202,7 +202,7 @@ def _solid_steps(
         q += dt * (s + 0.5 * w)
         s += w
     end = start + n * dt
-    # At the end the speeds oscillate: friction is that of the last step
+    # the speeds at the end of a step oscillate, so friction is taken from the middle of the last step
     acting = forces(end)[0] if shared is None else outside.at(end).ravel() + np.kron(shared, motion.direction)
     places = nodes(solid.shapes @ q + give @ acting, drawn)[network.free]
     speeds = (solid.shapes @ s).reshape(places.shape)
@@ -210,9 +210,9 @@ def _solid_steps(
 
 
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
-    """Cutting and friction forces f(u) [N], (n,), for the sliding speeds u = free - gives f(u), by secants of f.
+    """Cutting and friction forces f(u) [N], (n,), at the sliding speeds u that solve u = free - gives f(u).
 
-    free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as in `shaft`
+    free: speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: largest forces, as in `shaft`
     """
     u, secant = free, np.zeros_like(most)
     for _ in range(SLIDES):
@@ -234,10 +234,9 @@ def _residual(network: MassSpringNetwork) -> Floats:
 def sliding_friction(
     network: MassSpringNetwork, needle: NeedleMechanics, tips: ArrayLike, direction: Floats, depths: Floats
 ) -> Floats:
-    """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides forward with its tip at these places.
+    """Forces on the free nodes [N], (n, n_free, dim), by a needle with full cutting force and full friction.
 
-    tips: positions after the puncture [m], (n, dim); depths: depths of the tips in the tissue [m], (n,). Cutting and
-    friction have their full size, whatever the tissue's own velocity.
+    tips: positions of the tip after the puncture [m], (n, dim); depths: depths of the tip in the tissue [m], (n,)
     """
     deep = np.maximum(0.0, np.asarray(depths, dtype=float))
     back = 0.5 * deep[:, None] * (SHAFT[0] + 1.0)

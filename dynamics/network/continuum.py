@@ -1,4 +1,4 @@
-"""Solid between the nodes of a network: elements reduced to a few coordinates, linear about the drawn shape."""
+"""Linear elastic solid between the nodes of a network: a mesh, reduced to a few modes about the drawn shape."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Rate of a mode, relative to the largest, below which the mode counts as a motion without resistance."""
+"""Rate of a mode, relative to the largest rate, below which the mode counts as a motion without resistance."""
 
 FREE = 0.2
-"""Assumed growth rate of responses, so that a free body has finite responses [1/s];
-numerical."""
+"""Assumed growth rate of forces [1/s], with which the response of a free body is finite; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn: its modes, and its matrices condensed to the named points.
+    """A solid that rests as drawn: its modes, and its matrices condensed to points, the free nodes of the network.
 
-    A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
-    the whole body. If the wall is driven, its rigid motions precede the modes. Unit forces are fields of standard
-    deviation 1 m/s², expressed as accelerations of the whole mass.
+    A modal coordinate is the root mean square displacement of the body, weighted by mass. The mass of each mode is
+    therefore the mass of the whole body. If the wall is driven, its six rigid motions precede the modes.
 
     Attributes
     ----------
@@ -33,9 +31,9 @@ class Continuum:
     mass : float
         Mass of the whole body [kg].
     extent_m : float
-        Diagonal of the box around it [m].
+        Diagonal of the box around the body [m].
     masses : (n_modes,)
-        Mass of each mode [kg]; infinite for a motion of a driven wall, which no force changes.
+        Mass of each mode [kg]; infinite for the motions of a driven wall, because no force changes them.
     shapes : (n_free dim, n_modes)
         Displacement of the network's free nodes per modal coordinate [1].
     rates : (n_modes,)
@@ -43,9 +41,10 @@ class Continuum:
     damping : (n_modes,)
         Damping divided by mass [1/s].
     by_tissue : (n_tissues, n_modes, n_modes)
-        Stiffness of each tissue divided by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
+        Stiffness of each tissue divided by mass [1/s²]; their sum is the diagonal matrix of `rates`.
     forces : (n_modes, any)
-        Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three move the whole body.
+        Accelerations of the modal coordinates by unit forces [1]: three uniform forces along the axes, then smooth
+        surface forces. A unit force, divided by the mass of the whole body, has a standard deviation of 1 m/s².
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -88,24 +87,18 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Displacement of the points per acceleration of the whole body, as by a change of gravity's direction [s²].
-
-        (n_free dim, dim), one column for each axis
-        """
+        """Static displacement of the points per unit acceleration of the whole body along each axis [s²], (n, dim)."""
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: the points' displacement per unit force that the modes omit [m/N].
-
-        (n_free dim, n_free dim)
-        """
+        """Residual flexibility [m/N], (n, n): the part of the points' compliance that the modes omit [macneal1971]."""
         by_modes = (self.shapes / (self.masses * (self.rates + FREE**2))) @ self.shapes.T
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with each tissue's stiffness times a factor, (n_tissues,); the modes span the same motions."""
+        """The continuum with each tissue's stiffness multiplied by a factor, (n_tissues,), and with its new modes."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes
@@ -128,9 +121,10 @@ class Continuum:
         )
 
     def with_driven_wall(self, places: Floats) -> Continuum:
-        """The continuum on a wall that moves as a rigid body in an unknown way; places of its points [m], (n_free, 3).
+        """The continuum on a wall that moves as a rigid body in an unknown way; places: its points [m], (n_free, 3).
 
-        Further modes shift and turn all points with the wall. The body's inertia in this motion is an unknown force.
+        Six further modes shift and turn all points with the wall. The body's inertial force in this motion is treated
+        as an unknown force.
         """
         arms = (places - places.mean(axis=0)) / self.extent_m
         turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T
@@ -145,7 +139,7 @@ class Continuum:
         )
 
     def by_log_stiffness(self, shift: Floats) -> Floats:
-        """Change of the force on the points per unit of each tissue's log stiffness [N], (n_tissues, n_free dim).
+        """Derivative of the force on the points by the log of each tissue's stiffness [N], (n_tissues, n_free dim).
 
         shift: displacement of the points from the drawn shape [m], (n_free dim,)
         """

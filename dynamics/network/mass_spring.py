@@ -38,7 +38,7 @@ class MassSpringNetwork:
     rest_lengths: [m], shape (n_springs,), positive
     damping: dashpot along the spring [N s/m], shape (n_springs,)
     gravity: acceleration [m/s²], shape (dim,)
-    continuum: a solid whose points are the free nodes, with its own mass, at rest as drawn; default: none
+    continuum: a solid that takes the place of springs; its points are the free nodes; default: none
 
     Raises NetworkError for values that cannot be simulated.
     """
@@ -89,7 +89,7 @@ class MassSpringNetwork:
 
     @property
     def is_held(self) -> bool:
-        """Whether anchors hold the body in place: a driven wall does not."""
+        """Whether anchors hold the body in place; False for a wall that moves in an unknown way."""
         return bool(self.fixed.any()) and (self.continuum is None or bool(np.isfinite(self.continuum.masses).all()))
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
@@ -185,7 +185,7 @@ def _pairs(springs: ArrayLike) -> NDArray[np.int64]:
 
 
 def pack(positions: ArrayLike, velocities: ArrayLike) -> Floats:
-    """State vectors [m, m/s], shape (..., 2 n dim), from positions and velocities of the free nodes, (..., n, dim).
+    """State vectors [m, m/s], (..., 2 n dim), from positions [m] and velocities [m/s] of the free nodes, (..., n, dim).
 
     Node-major: x0 y0 x1 y1 ... vx0 vy0 ...
     """
@@ -209,7 +209,7 @@ def unpack(states: ArrayLike, dim: int) -> tuple[Floats, Floats]:
 def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
     """Distance between the two nodes of each spring [m], (n_springs,).
 
-    positions of all nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
+    positions: those of all nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     """
     return np.asarray(np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1))
 

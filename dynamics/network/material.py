@@ -1,4 +1,4 @@
-"""Material coordinates: positions of nodes in the body itself, however it is bent."""
+"""Material coordinates: positions of nodes along the body, which do not depend on how it is bent."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ THIN = 1e-2
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
-    """Length of the shortest path between any two nodes, (n, n) [m], along springs of these lengths [m], (n_springs,).
+    """Length of the shortest path along springs between any two nodes [m], (n, n); inf if there is none.
 
-    inf without a path. If several springs join the same two nodes, the shortest counts.
+    lengths: lengths of the springs [m], (n_springs,). If several springs join two nodes, the shortest counts.
     """
     n, by_length = network.n_nodes, np.argsort(lengths)
     pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
@@ -26,10 +26,10 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 
 
 def material_coordinates(network: MassSpringNetwork) -> Floats:
-    """Coordinates of all nodes within the unbent body [m], (n_nodes, n), n up to the network's dimension.
+    """Coordinates of all nodes in the straightened body [m], (n_nodes, n), with n up to the network's dimension.
 
-    Classical multidimensional scaling: the points whose distances best fit the paths along the springs as drawn. A
-    cable is a line, n = 1, even if it is drawn bent. Source: [torgerson1952].
+    Classical multidimensional scaling: distances between the points best fit the lengths of the paths along the springs
+    as drawn. A cable is a line (n = 1), even if it is drawn bent. Source: [torgerson1952].
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))

@@ -1,7 +1,7 @@
 """Breast phantom: a soft hemisphere on a chest wall, with nodes on its skin and inside, and elastic springs.
 
-x right, y up, z away from the chest wall; gravity is down, as for a standing patient. The constants below define this
-phantom; they are not settings.
+x points right, y up, z away from the chest wall; gravity points down, as for a standing patient. The constants below
+define this phantom; they are not settings.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dynamics.phantoms.lattice import Phantom, elastic_body
 
 RADIUS_M = 0.060
 YOUNG_PA = 5e3
-"""Young's modulus of fat and gland together, a few kPa [gefen2007]."""
+"""Young's modulus of fat and gland together [Pa]; measured moduli are a few kPa [gefen2007]."""
 
 FEWEST, MOST = 6, 60
 SKIN_SHARE = 0.6

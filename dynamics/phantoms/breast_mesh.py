@@ -1,6 +1,7 @@
 """Breast phantom as a mesh: a half ellipsoid on a chest wall, with a core of gland in fat.
 
-x right, y up, z away from the chest wall, at z = 0. The constants below define this phantom; they are not settings.
+x points right, y up, z away from the chest wall, which is at z = 0. The constants below define this phantom; they are
+not settings.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height and depth [m]."""
 
 ROUND = 0.8
-"""Share by which a box's grid is rounded to an ellipsoid [1]; full rounding would flatten elements at its edges."""
+"""Share by which a box's grid is rounded to an ellipsoid [1]; with 1, elements at the box's edges would be flat."""
 
 CORE = 0.6
 """Extent of the gland, relative to the breast's extent [1]."""

@@ -1,9 +1,9 @@
 """The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
 
-[paper] gives the topology (Fig. 3, Fig. 5) and says that constants are known, but not their values. The constants below
-define this phantom; they are not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs stiff enough
-to stay upright under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. The reasons are in
-`docs/decisions/02-phantom-constants.md`.
+[paper] gives the topology (Fig. 3, Fig. 5), but no values of the constants. The constants below define this phantom;
+they are not settings. The grid spacing is 200 mm, and each mass is 0.2 kg. The springs are so stiff that the phantom
+stays upright under pokes of 10 m/s². Friction represents the "slightly friction" of the acrylic planes. The reasons are
+in `docs/decisions/02-phantom-constants.md`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SPRINGS = [
     ("M1", "In1"),
     ("M2", "In2"),
     ("M4", "In3"),
-    # Differs from [paper]: two braces, without which pokes of 10 m/s² turn the phantom over.
+    # Differs from [paper]: two braces; without them, pokes of 10 m/s² overturn the phantom.
     ("M1", "In2"),
     ("M4", "In2"),
 ]
@@ -54,7 +54,7 @@ HIDDEN = "M2"
 def four_mass_phantom() -> MassSpringNetwork:
     """The paper's phantom at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
 
-    Rest lengths are the distances on the grid on which the masses would stand without gravity.
+    Rest lengths are the distances between neighbours on the grid.
     """
     names = tuple(_PLACES)
     grid = SPACING_M * np.array(list(_PLACES.values()), dtype=float)

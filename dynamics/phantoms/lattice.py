@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Length, relative to the median, above which a spring of a triangulation bridges a hollow and is omitted [1]."""
+"""Length, relative to the median, above which an edge of the triangulation spans a gap and gets no spring [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -28,10 +28,10 @@ GRAVITY_M_S2 = 9.81
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phantom:
-    """A practice body: a network that rests where it is drawn, with its target.
+    """A practice body: a network that rests as drawn, and its target.
 
-    target: name of the hidden target node; outer: names of the free nodes on the outside, where marks can be
-    groups: name of each spring's group, the same for similar springs, (n_springs,)
+    target: name of the hidden target node; outer: names of the free nodes on the outside, which can have marks
+    groups: name of each spring's group of similar springs, (n_springs,)
     """
 
     network: MassSpringNetwork
@@ -41,9 +41,9 @@ class Phantom:
 
 
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Pairs of nodes in the Delaunay triangulation, (n_springs, 2), except pairs of anchors and pairs across gaps.
+    """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors and edges that span a gap.
 
-    positions [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
+    positions: [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
     """
     n_corners = positions.shape[1] + 1
     try:
@@ -61,10 +61,10 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     """One stiffness for all springs [N/m], with which a lattice is as stiff as an elastic body.
 
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
-    young: Young's modulus [Pa] of a body in space; for a sheet in the plane, times its thickness [N/m]
-    By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
-    k l² over springs is n E V, V the body's volume, n the edges of a simplex; the one stiffness here has the same sum.
-    Under uniform stretch the lattice is as stiff as a body of that modulus and Poisson's ratio 1/4; in a sheet, 1/3.
+    young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
+    By [vangelder1998] a spring of length l has k = E V / l², with V the volume of the adjacent simplices. The sum of
+    k l² over all springs is then E times the body's volume times the number of edges of a simplex; the stiffness here
+    gives this sum. Under uniform stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4; sheet: 1/3.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
@@ -84,9 +84,10 @@ def elastic_body(
     """An elastic body that rests under gravity along -y with its nodes at these positions [m], (n_nodes, dim).
 
     young: Young's modulus [Pa]; in the plane, that of a sheet of thickness `SHEET_M`
-    springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
-        from `young`; masses [kg], (n_nodes,), None: the mass of water, divided equally among the free nodes
-    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, and for unusable nodes.
+    springs: the two nodes of each spring, (n_springs, 2); default: `delaunay_springs`
+    stiffness, damping: of each spring [N/m], [N s/m], (n_springs,); default: from `young` and `DAMPING_S`
+    masses: [kg], (n_nodes,); default: the mass of water in the body's volume, divided equally among the free nodes
+    Without anchors the body has no weight. Raises NetworkError if it is too soft for its weight.
     """
     dim = positions.shape[1]
     thick = 1.0 if dim == 3 else SHEET_M
@@ -114,7 +115,7 @@ def volume(positions: Floats) -> float:
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes, with positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
+    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all nodes, (n_nodes,).
 
     Raises NetworkError if the hull has no volume.
     """
@@ -124,7 +125,7 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 
 
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
-    """Distance from a point inside the convex hull of the nodes to its surface along a unit vector [m].
+    """Distance along a unit vector from a point inside the convex hull of the nodes to the hull's surface [m].
 
     positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
     Raises NetworkError if the hull has no volume.

@@ -1,4 +1,4 @@
-"""Flat phantom like the paper's, with any number of masses in staggered rows that stand on the floor.
+"""Flat phantom like the paper's, with 4 to 60 masses in staggered rows above the floor.
 
 The constants below define this phantom; they are not settings.
 """
@@ -12,11 +12,11 @@ from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
-"""Spacing of neighbours in a row [m]; the next row is half a spacing above, shifted by half a spacing."""
+"""Spacing of neighbours in a row [m]; each row is half a spacing above the row below and shifted by half a spacing."""
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Stiffness of a spring divided by the number of masses [N/m]; any phantom sags by about 10 % of its spacing."""
+"""Stiffness of a spring divided by the number of masses [N/m]; every phantom then sags by about 10 % of the spacing."""
 
 DAMPING_S = 0.0025
 """Damping of a dashpot divided by the stiffness of its spring [s]."""
@@ -25,7 +25,7 @@ DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Ratio of the number of masses to the squared number in a row: the phantom is about as high as wide."""
+"""Ratio of the number of masses to the squared number in a row; with it, the phantom is about as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
@@ -64,7 +64,7 @@ def planar_phantom(n_masses: int = 5) -> Phantom:
 
 
 def _rows(n_masses: int) -> tuple[list[tuple[float, float]], set[int], int]:
-    """Positions of the masses row by row from below [m], indices of those on the rim, and length of a full row."""
+    """Positions of the masses [m], row by row from below; indices of masses on the rim; length of a full row."""
     wide = max(2, int(np.ceil(np.sqrt(n_masses / SLENDER))))
     rows: list[list[float]] = []
     while (left := n_masses - sum(map(len, rows))) > 0:

@@ -1,4 +1,4 @@
-"""Common part of the compared methods: they differ only in how they predict and update the state."""
+"""Common part of the methods for comparison, which differ only in how they predict and update the state."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    It starts at rest, with the covariance that pokes cause in `settings.lost_s`, and stays at rest until the first
-    marks. Marks are not gated.
+    The first state is rest, with the covariance that pokes cause within the time `settings.lost_s`. Until the first
+    marks the state does not change. Marks are not gated.
 
-    State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
+    State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last mark used [s].
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class Baseline(ABC):
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update with z = x[rows] + noise of covariance R, (m,), (m, m); returns the NIS, or None without a NIS."""
+        """Update with z = x[rows] + noise, (m,), R the noise covariance, (m, m); returns the NIS, if it is computed."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
-        """Mean and covariance of the state, (n,), (n, n), which begins with the free coordinates."""
+        """Mean (n,) and covariance (n, n) of the state, or of a part; both begin with the free coordinates."""
 
     def _poked(self) -> float | None:
         """Probability that an external force acts; None for a method with a single mode."""
@@ -64,9 +64,9 @@ class Baseline(ABC):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates for frames, (time [s], marks) in order, one by one: for each, predict and update.
+        """Predict and update, frame by frame; yields the estimate of each frame, as a list of one.
 
-        advance: called with the completed share of the frames.
+        frames: (time [s], marks) in order; advance: called with the completed share of the frames
         """
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
@@ -75,20 +75,20 @@ class Baseline(ABC):
             yield [estimate]
 
     def predict(self, time_s: float) -> None:
-        """Predict to this exposure time [s]; raises ValueError for an earlier time and one that is not finite."""
+        """Predict to this exposure time [s]; raises ValueError if it is before the last time, or not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.time_s is None:
             self._begin()
         elif self.seen_s is not None and time_s > self.time_s:
-            # a filter forgets its state in a longer gap: steps through days would only cost time
+            # after a longer gap a filter resets its state, so further steps would only cost time
             self._advance(min(time_s - self.time_s, self.settings.forget_s))
         self.time_s = time_s
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Update with any number of marks at the present time, and estimate the target.
 
-        Raises ValueError for a mark that is not on a free node or has another dimension.
+        Raises ValueError for a mark whose node is not free or whose dimension is not the network's.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")

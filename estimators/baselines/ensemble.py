@@ -1,4 +1,4 @@
-"""Ensemble Kalman filter of the tissue, in deterministic form."""
+"""Deterministic ensemble Kalman filter of the tissue."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_MEMBERS = 200
-"""Size of the ensemble: standard deviations err by 1 / sqrt(2 n) = 5 %; nine members per state need no localisation."""
+"""Size of the ensemble: standard deviations err by 1 / sqrt(2 n) = 5 %; nine members per state make localisation
+unnecessary."""
 
 
 class EnsembleKalmanFilter(Baseline):
-    """Ensemble transform Kalman filter with the poked mode only, and noise drawn at each step of at most 1/120 s.
+    """Ensemble transform Kalman filter that assumes at all times that pokes act.
 
-    The update gives the ensemble the mean and covariance of the Kalman update, without perturbed marks, inflation or
-    localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part
-    in place of an eigenvalue problem of the ensemble's size.
+    Noise is drawn at each step of at most 1/120 s. The update gives the ensemble the mean and covariance of the Kalman
+    update, without perturbed marks, inflation or localisation. Source: [hunt2007], section 2.3, with a singular value
+    decomposition of the ensemble's marked coordinates in place of an eigenvalue problem of the ensemble's size.
 
     State: members (n_members, dim_x), besides the state of `Baseline`.
     """
@@ -65,7 +66,7 @@ class EnsembleKalmanFilter(Baseline):
         A = (self.members - mean) / np.sqrt(self._n_members - 1)  # P = A' A
         C = np.linalg.cholesky(R)
         y = np.linalg.solve(C, z - mean[rows])
-        # Members along the marks, in units of their noise: S = U (s² + 1) U'
+        # deviations of the members at the marks, in units of the marks' noise: S = U (s² + 1) U'
         U, s, Vt = np.linalg.svd(np.linalg.solve(C, A[:, rows].T), full_matrices=False)
         moved = mean + (s / (1.0 + s**2) * (U.T @ y)) @ Vt @ A
         narrowed = A - (Vt.T * (1.0 - 1.0 / np.sqrt(1.0 + s**2))) @ (Vt @ A)

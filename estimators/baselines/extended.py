@@ -12,11 +12,11 @@ from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
-"""Half the width of a central difference [m, m/s, N]: small against the 5e-3 m/s over which friction changes."""
+"""Half-width of central differences [m, m/s, N]: small against the slip velocity of friction, 5e-3 m/s."""
 
 
 def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """The state dt [s] after x, and its Jacobian: (dim_x,), (dim_x, dim_x), by central differences."""
+    """The state dt [s] after x, (dim_x,), and its Jacobian by central differences, (dim_x, dim_x)."""
     n = len(x)
     offsets = DIFFERENCE * np.eye(n)
     moved = model.propagate(np.vstack([x[None], x + offsets, x - offsets]), dt, mode)
@@ -24,7 +24,7 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 
 
 class ExtendedKalmanFilter(Baseline):
-    """Extended Kalman filter with the poked mode only, linearised at each step of at most 1/120 s.
+    """Extended Kalman filter that assumes at all times that pokes act; linearised at each step of at most 1/120 s.
 
     Source: [barshalom2001], section 10.3; the update has Joseph's form.
 

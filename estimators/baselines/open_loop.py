@@ -1,4 +1,4 @@
-"""The paper's open loop: marked masses follow their marks, hidden ones follow their equations of motion."""
+"""The paper's open loop: marked masses follow their marks, hidden masses follow their equations of motion."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Longest simulated time between two frames [s]; after this time the filter forgets its state, too."""
+"""Longest simulated time between two frames [s]; after this time the filter resets its state."""
 
 
 class OpenLoop:
     """The paper's method: open-loop simulation of the target, driven by the marks.
 
-    Source: [paper], section III and Fig. 5. Between frames a measured mass moves straight at constant speed: the paper
-    leaves that open, and this is the method's best choice without later frames. A marked mass that was not visible is
-    integrated like the hidden ones, as in the paper ("additional second-order integration ... in case of losing of
-    data"). The integrator is the classical Runge-Kutta method.
+    Source: [paper], section III and Fig. 5. Between two frames a marked mass moves from its old position to its new one
+    at constant velocity; the paper does not define this motion. A marked mass that is not visible is integrated like
+    the hidden masses, as in the paper ("additional second-order integration ... in case of losing of data"). The
+    integrator is the classical Runge-Kutta method.
 
-    State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
+    State: positions [m] and velocities [m/s] of all nodes, (n_nodes, dim) each, at time_s [s].
     """
 
     def __init__(self, network: MassSpringNetwork, target: str | TargetPoint) -> None:

@@ -21,19 +21,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Size of the sample: 100 histories resolve the two modes over six intervals (2^6)."""
+"""Number of particles: enough for all histories of two modes over six intervals (2^6 = 64)."""
 
 BRANCH_S = 1.0 / 30.0
 """Interval between branchings of the particles [s]; choice."""
 
 
 class ParticleFilter(Baseline):
-    """Particle filter for the history of the modes (calm, poked), with an unscented filter of the state per particle.
+    """Particle filter whose particles are histories of the force mode: calm or poked.
 
-    Rao-Blackwellised [doucet2000]: given the times of pokes, the state is nearly Gaussian. Particles of the state
-    itself would degenerate, because without pokes its 16 dimensions have hardly any noise. Each particle branches into
-    one weighted successor for each mode; at most n_particles are kept, without bias or duplicates [fearnhead2003].
-    `Disturbances` gives the durations of the modes.
+    Rao-Blackwellised [doucet2000]: given such a history, the state is nearly Gaussian. Each particle therefore has an
+    unscented filter of the state. Particles of the state itself would degenerate, because its 16 dimensions have hardly
+    any noise while no poke acts. Each particle branches into a weighted successor for each mode. Of these, at most
+    n_particles are kept, without bias or duplicates [fearnhead2003]. `Disturbances` gives the modes' mean durations.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -75,7 +75,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Reduce the particles to `n_particles`, then branch each into a successor for each mode, dt [s] later."""
+        """Keep at most `n_particles` particles, then replace each by one successor for each mode, dt [s] later."""
         self._thin()
         odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
@@ -115,7 +115,7 @@ class ParticleFilter(Baseline):
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
-    """Indices of at most n weights to keep, and their new weights: unbiased, with the least variance.
+    """Indices of at most n weights to keep, and their new weights: an unbiased selection with the least variance.
 
     A weight above a threshold c stays unchanged. A weight w below c is kept with probability w / c and becomes c.
     Source: [fearnhead2003].

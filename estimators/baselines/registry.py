@@ -1,4 +1,4 @@
-"""Table of the compared methods by name; `softaim compare` runs them together with the filter and the open loop.
+"""Methods that `softaim compare` compares with the filter and the open loop, by name.
 
 A new method needs a file with its `Baseline`, and one line in METHODS.
 """
@@ -29,10 +29,11 @@ class UnknownMethodError(LookupError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """Input of every method: tissue, target (a node or a point relative to nodes), and prior of the forces.
+    """Input of every method.
 
-    marked: nodes whose marks are measured; uncertainty, n_calibration: as in `TissueFilter`
-    seed: seed of methods that draw random numbers; fixes: direct measurements of the target, for methods that use them
+    target: name of a node, or a point relative to nodes; marked: nodes whose marks are measured
+    uncertainty, n_calibration: as in `TissueFilter`
+    seed: seed for methods that draw random numbers; fixes: direct measurements of the target, for the smoother only
     """
 
     network: MassSpringNetwork
@@ -51,21 +52,21 @@ class TrackingProblem:
 
     @property
     def rng(self) -> np.random.Generator:
-        """New random generator from the seed, so that a recording always gives the same tables."""
+        """New random generator from the seed, so that results are reproducible."""
         return np.random.default_rng(self.seed)
 
 
 class Method(Protocol):
-    """Protocol of a method in its initial state."""
+    """Protocol of a method for comparison, in its initial state."""
 
     def run(
         self,
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates for frames, (time [s], marks) in order, in one or more lists.
+        """Yield the estimates: a filter yields one list per frame, a smoother a single list after the last frame.
 
-        A filter yields one list per frame, a smoother one list at the end. advance: called with the completed share.
+        frames: (time [s], marks) in order; advance: called with the completed share of the frames
         """
 
 

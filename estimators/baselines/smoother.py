@@ -1,4 +1,4 @@
-"""Fixed-interval smoother for comparison, which uses the marks of all frames."""
+"""Fixed-interval smoother for comparison: it uses the marks of all frames for each estimate."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """Filter and smoother: its error is a lower limit for filters with the same model.
+    """Fixed-interval smoother; its error is a lower limit for filters with the same model.
 
-    fixes: direct measurements of the target, used at their times
-    State: tissue, the filter.
+    fixes: direct measurements of the target with their times
+    State: tissue, the filter of the forward pass.
     """
 
     def __init__(
@@ -40,8 +40,8 @@ class FixedIntervalSmoother:
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of all frames, (time [s], marks) in order, in one block after the last.
+        """Yield one list with the estimates of all frames.
 
-        advance: called with the completed share of the frames.
+        frames: (time [s], marks) in order; advance: called with the completed share of the frames
         """
         yield fixed_interval(self.tissue, frames, advance, fixes=self._fixes)

@@ -1,4 +1,4 @@
-"""filterpy's own unscented Kalman filter of the tissue, unchanged."""
+"""filterpy's unscented Kalman filter, applied to the tissue without changes."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ ALPHA, BETA = 0.1, 2.0
 
 
 class StockUnscented(Baseline):
-    """filterpy's UnscentedKalmanFilter, unchanged, with the poked mode only and one prediction per frame.
+    """filterpy's UnscentedKalmanFilter without changes; it assumes at all times that pokes act.
 
-    Sigma points move in steps of at most 1/120 s. They are drawn only once per frame. Noise is also added once per
-    frame, as for masses that move freely (`TissueModel.noise`). The other methods add noise at each step. At
-    30 frames/s the difference is small; at 10 frames/s and less it dominates, which this method shows.
+    Sigma points are drawn once per frame and move in steps of at most 1/120 s. Noise is also added once per frame, as
+    for masses that move freely (`TissueModel.noise`), while the other methods add noise at each step. This difference
+    is small at 30 frames/s, but dominates at 10 frames/s or less.
 
-    State: filter, filterpy's own, besides the state of `Baseline`; restarts: number of restarts from the first state
-    because the covariance was no longer positive definite.
+    State: filter, the object from filterpy; restarts, number of restarts from the first state, each because the
+    covariance was no longer positive definite; and the state of `Baseline`.
     """
 
     filter: filterpy.UnscentedKalmanFilter

@@ -14,7 +14,7 @@ from estimators.consistency.joseph import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6
-"""Half-width of central differences [m, m/s]: their error is of second order, rounding is 1e-10 of a slope."""
+"""Half-width of central differences [m, m/s]; the rounding error is 1e-10 of a slope."""
 
 
 def posterior_bound(
@@ -29,15 +29,15 @@ def posterior_bound(
 ) -> Floats:
     """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
 
-    states: true states, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
+    states: true states, (n_times, n_state); times_s: their times [s], so close that motion in between is nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if none is visible
-    mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
+    mode: spectral densities of the unknown forces: white noise on all free nodes, and pokes on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    This is the recursion of [tichavsky1998] for Gaussian noise: a Kalman filter with the transition matrices of the
-    true states, in covariance form because only some states have noise. It bounds one trajectory. The bound for
-    many trajectories follows from the mean information matrix; the mean of the single bounds is an upper limit of that
-    bound (Jensen). Here the information matrices differ so little that the two agree.
+    The recursion of [tichavsky1998] for Gaussian noise is a Kalman filter with the transition matrices of the true
+    states. It has covariance form, because only some states have noise. It bounds the errors for one trajectory. For
+    many trajectories, the bound follows from the mean information matrix. The mean of the single bounds is an upper
+    limit of that bound (Jensen's inequality); here both agree, because the information matrices hardly differ.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -67,9 +67,10 @@ def posterior_bound(
 
 
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """Transition matrix and noise over dt [s] from a state of the network (n_state,), (dim_x, dim_x) each.
+    """Transition matrix and noise covariance, (dim_x, dim_x) each, over dt [s] from a state of the network, (n_state,).
 
-    The motion linearised at this state gives F = exp(A dt); Simpson's rule integrates exp(A s) D exp(A' s).
+    With A the linearised motion at this state, the transition matrix is exp(A dt). Simpson's rule gives the noise
+    covariance, the integral of exp(A s) D exp(A' s) for the noise density D.
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

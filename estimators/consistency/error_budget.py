@@ -1,8 +1,8 @@
-"""Error budget of the target: covariances at rest that are due to errors which innovations do not show.
+"""Error budget of the target: covariances at rest due to errors that innovations do not show.
 
-An estimate that follows its marks (m) puts the hidden nodes (h) where the model predicts them from the marks.
-An error s of the marks' positions then moves the hidden nodes by -Khh^-1 Khm s, and an unmodelled force g by Khh^-1 gh,
-with K the stiffness at rest: static condensation.
+An estimate that follows its marks (m) puts the hidden nodes (h) where the model predicts them from the marks. An error
+s of the marks' positions therefore moves the hidden nodes by -Khh^-1 Khm s, and an unmodelled force g moves them by
+Khh^-1 gh, with K the stiffness at rest (static condensation).
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ from estimators.process.process_model import LOOSE
 class ErrorSource:
     """One source of error of the target, with the covariance that it causes.
 
-    name: name in a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the
-    filter's covariance includes it
-    variance: trace of cov [m²]
+    name: name in a few words; cov: covariance of the target due to this source [m²], (dim, dim)
+    considered: whether the filter's covariance includes this source; variance: trace of cov [m²]
     """
 
     name: str
@@ -37,15 +36,14 @@ class ErrorSource:
 
     @classmethod
     def of(cls, name: str, directions: Floats, *, considered: bool) -> ErrorSource:
-        """An error source from independent directions of one standard deviation each [m], (dim, r)."""
+        """An error source from the target's shifts by one standard deviation of r independent errors [m], (dim, r)."""
         return cls(name, directions @ directions.T, considered)
 
 
 class StaticResponse:
-    """Static response of the target to errors, for an estimate that follows the marks of these nodes.
+    """Static response of the target to errors, for an estimate that follows the marks of given nodes.
 
-    rest: positions at rest [m], (n_nodes, dim)
-    State: the factorised stiffness of the hidden coordinates.
+    rest: positions of all nodes at rest [m], (n_nodes, dim)
     """
 
     def __init__(self, tissue: TissueFilter, nodes: Sequence[str]) -> None:
@@ -58,16 +56,16 @@ class StaticResponse:
         self._hidden, self._coupling = K[np.ix_(self._h, self._h)], K[np.ix_(self._h, self._m)]
 
     def to_marks(self, shifts: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), due to errors of the marked coordinates [m], (m, r)."""
+        """Shift of the target [m], (dim, r), by each of r errors of the marks; shifts: errors [m], (m, r)."""
         return self._moved(shifts, -self._coupling @ shifts)
 
     def to_forces(self, forces: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), due to forces on the free coordinates [N], (n_free dim, r)."""
+        """Shift of the target [m], (dim, r), by each of r forces on the free coordinates [N], (n_free dim, r)."""
         return self._moved(np.zeros((len(self._m), forces.shape[1])), forces[self._h])
 
     def _moved(self, marked: Floats, forces: Floats) -> Floats:
         shifts = np.zeros((len(self._m) + len(self._h), forces.shape[1]))
         shifts[self._m] = marked
-        # a rotation about the marks, which meets no resistance, is not excited either
+        # least squares: if no spring resists a rotation about the marks, the hidden nodes do not rotate
         shifts[self._h] = np.linalg.lstsq(self._hidden, forces, rcond=LOOSE)[0]
         return self._target.linear(shifts)

@@ -1,7 +1,7 @@
 """Kalman update in Joseph's form, compiled.
 
-Letters as in the textbook: x mean, P covariance, z measurement, H its matrix, R its noise, y innovation, S its
-covariance, K gain.
+Letters as in the textbook: x mean, P covariance, z measurement, H measurement matrix, R measurement noise covariance,
+y innovation, S innovation covariance, K gain.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from estimators.filters.kernels import chol_lower
 
 @njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
-    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
+    """Update; returns x, P, y, S, K, the NIS y' S^-1 y, log det S, and whether S was positive definite."""
     y, PH = z - H @ x, P @ H.T
     S = H @ PH + R
     S = 0.5 * (S + S.T)

@@ -20,7 +20,7 @@ from estimators.tissue.settings import FilterSettings
 class LeaveOneOutCheck:
     """Error of the prediction of one mark in one frame, by a filter that does not use this mark.
 
-    error: measured less predicted [m], (dim,); nees: its square, normalised by the covariance of prediction and mark
+    error: measured minus predicted position [m], (dim,); nees: squared error, normalised by the error's covariance
     """
 
     error: Floats
@@ -30,11 +30,11 @@ class LeaveOneOutCheck:
 class LeaveOneOut:
     """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
 
-    If errors of these predictions exceed their covariance, the model is wrong, also at the target. So the target's
-    covariance is multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
+    If the errors of these predictions exceed their covariance, the model is wrong, also at the target. Therefore the
+    target's covariance is multiplied by the factor on the predicted variance that makes the errors most probable.
 
-    State: tissue, the target's filter; without, the other filters by node; scale, a factor on the target's covariance;
-    checks of the last frame by node.
+    State: tissue, the target's filter; without, for each marked node the filter that does not use its mark; scale, the
+    factor on the target's covariance; checks, the results of the last frame by node.
     """
 
     def __init__(
@@ -70,13 +70,13 @@ class LeaveOneOut:
             other.predict(time_s)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Update with the marks, check each with the filter that does not use it, and estimate the target."""
+        """Update all filters with the marks, check each mark, and estimate the target."""
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """As `update`, for marks that the target's filter has already used; estimate: its result.
+        """As `update`, if the target's filter has already used the marks; estimate: the result of its update.
 
-        Marks that this filter rejected are not checked.
+        Marks that the target's filter rejected are not checked.
         """
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
@@ -99,8 +99,8 @@ class LeaveOneOut:
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
     """Contribution of calibration errors to the variance of a mark's prediction error [m²], (dim, dim).
 
-    Filter and mark have the same calibration errors: with the filter's columns C and the mark's F, the contribution is
-    (C + F)(C + F)' - C C'.
+    Filter and mark have the same calibration errors. With C and F, the sensitivities of the filter's prediction and of
+    the mark to these errors, the contribution is (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

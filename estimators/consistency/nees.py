@@ -13,9 +13,10 @@ from estimators.arrays import Floats
 
 
 def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
-    """Squared Mahalanobis distance of each error, (n,): NEES of estimation errors, NIS of innovations.
+    """Squared Mahalanobis distance of each error, (n,): the NEES of an estimation error, or the NIS of an innovation.
 
-    errors (n, d), covs (n, d, d) in the same units. Raises numpy's LinAlgError if a covariance is singular.
+    errors: (n, d); covs: (n, d, d), in the squared unit of the errors
+    Raises numpy's LinAlgError if a covariance is singular.
     """
     e = np.asarray(errors, dtype=float)
     solved = np.linalg.solve(np.asarray(covs, dtype=float), e[..., None])[..., 0]
@@ -23,13 +24,13 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
 
 
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
-    """Interval, with equal tails, that contains a chi-square variable of these degrees with this probability."""
+    """Interval with equal tails that contains a chi-square variable of these degrees with probability `share`."""
     tail = 0.5 * (1.0 - share)
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
 
 def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, float]:
-    """Interval that contains the mean of n independent chi-square variables with this probability.
+    """Interval that contains the mean of n independent chi-square variables with probability `share`.
 
     degrees: degrees of freedom of each variable, or their mean if they differ
     """
@@ -38,10 +39,10 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Share of the normalised squared errors, (n,), inside the region that should contain the given share."""
+    """Fraction of the normalised squared errors, (n,), below the chi-square quantile of `share`."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
 def anees(squared: ArrayLike, degrees: int) -> float:
-    """Average NEES per degree of freedom, from squares (n,): 1 consistent, above 1 overconfident. Source: [li2006]."""
+    """Average NEES per degree of freedom, from NEES (n,): 1 if consistent, more if overconfident. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees

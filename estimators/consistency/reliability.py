@@ -12,11 +12,11 @@ from scipy.stats import beta
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """Predictions with a probability from low to high, such as 0.3 to 0.4, and their observed hits.
+    """All predictions with probabilities from low to high, such as 0.3 to 0.4, and the observed number of hits.
 
-    n: number of predictions; mean: mean prediction, None where n is 0; hits: number of observed hits
-    least, most: confidence interval of the true rate, by Clopper and Pearson [clopper1934]
-    inside: whether the mean lies in that interval; True where n is 0
+    n: number of predictions; mean: mean predicted probability, None if n is 0; hits: number of observed hits
+    least, most: confidence interval of the true hit rate, by Clopper and Pearson [clopper1934]
+    inside: whether the mean predicted probability lies in this interval; True if n is 0
     """
 
     low: float
@@ -30,7 +30,7 @@ class ReliabilityBin:
 
 
 def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, float]:
-    """Confidence interval of a rate at this level, given hits in n trials; (0, 1) for n = 0."""
+    """Confidence interval of a hit rate, given the number of hits in n trials; (0, 1) for n = 0."""
     if not 0 <= hits <= n or not 0.0 < level < 1.0:
         raise ValueError(f"clopper_pearson: expected 0 <= hits <= n, 0 < level < 1, found {hits}, {n}, {level}")
     tail = 0.5 * (1.0 - level)
@@ -42,9 +42,10 @@ def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, floa
 def reliability_bins(
     predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99
 ) -> tuple[ReliabilityBin, ...]:
-    """Ten bins of the predicted probabilities (n,), each with the observed hits (n,) in it.
+    """Predictions and observed hits, sorted into ten bins of the predicted probability.
 
-    A bin includes its lower limit but not its upper one; the last also includes 1. Raises ValueError for
+    predicted: predicted probabilities, (n,); hit: whether each prediction was a hit, (n,)
+    A bin includes its lower limit, but not its upper limit; the last bin also includes 1. Raises ValueError for
     probabilities outside of 0 to 1, and for arrays of different length.
     """
     p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)

@@ -1,4 +1,4 @@
-"""Proper scores and PIT of Gaussian predictions, which test error and covariance together.
+"""Proper scores and probability integral transform of Gaussian predictions; they test mean and covariance together.
 
 Source: [gneiting2007].
 """

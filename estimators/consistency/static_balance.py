@@ -1,18 +1,18 @@
 """Test whether pokes, breathing and the stated errors explain the mean external force over a second.
 
-A filter explains innovations by forces that come and go. After a spring is cut or a mark is moved, it follows the
-marks with a force that persists: its innovations look right, but the hidden target is elsewhere. The mean force shows
-this. Averaged over a second, a body hardly accelerates. The external force f on the marked nodes is then what the
-springs do not balance, averaged over the frames,
+If a spring is cut or a mark is moved, a filter follows the marks with a persistent force. Its innovations then become
+small, although its estimate of the hidden target is wrong. The mean external force shows such a fault. Over a second,
+the mean acceleration of a body is almost zero. The mean external force on the marked nodes therefore balances springs
+and weight. It is the mean over the frames of the force
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
-with the stiffness K at rest, and the forces F of springs and weight, on marked (m) and hidden (h) nodes: static
-condensation. F is computed with the marked nodes at the marks z and hidden ones at rest_h - Khh^-1 Khm (z - rest_m).
-Near rest f is Kc (z - rest); far from rest this form would treat a spring's rotation as stretch. A chi-square test
-compares f with its covariance for a right model. That covariance has three causes: pokes, which average out; one force
-on all nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera
-calibration and constants.
+with K the stiffness at rest, and F the forces of springs and weight, on marked (m) and hidden (h) nodes (static
+condensation). F is computed with the marked nodes at their measured positions z, and with the hidden nodes at
+rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest); far from rest, this linear form would treat a
+spring's rotation as stretch. A chi-square test compares the mean of f with the covariance that it has if the model is
+right. This covariance has three causes: pokes, which average out; a force on all nodes in proportion to their mass, as
+by breathing or a tilt; and the assumed errors of marks, camera calibration and constants.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from estimators.tissue.estimate import MarkMeasurement
 
 @dataclass(frozen=True, slots=True)
 class BalanceSettings:
-    """Settings of the static balance: the time over which the force is averaged.
+    """Settings of the static balance.
 
-    mean_s: averaging time [s]; choice: in half of this time pokes do not average out; twice this time would delay the
-    report of a fault that single frames do not show
-    least_share: least share of mean_s with frames, and least share of these frames with a given mark [1]; choice
+    mean_s: time over which the force is averaged [s]; choice: over half of it, pokes do not average out; twice this
+        time would delay the report of a fault that single frames do not show
+    least_share: share of mean_s that the frames must cover, and share of frames that must show a node [1]; choice
     often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -60,10 +60,10 @@ BALANCE = BalanceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """Mean external force that explains the marks.
+    """Mean external force that explains the measured positions.
 
-    nodes: the k marked nodes that were visible; force: external force on them [N], (k, dim); cov: its covariance if
-    the model is right [N²], (k dim, k dim)
+    nodes: the k marked nodes that were visible; force: mean external force on each of them [N], (k, dim)
+    cov: covariance of this force if the model is right [N²], (k dim, k dim)
     """
 
     nodes: tuple[str, ...]
@@ -72,20 +72,23 @@ class Balance:
 
     @property
     def probability(self) -> float:
-        """P-value: probability of a force at least as large, if the model is right."""
+        """P-value: probability that the force is at least as large if the model is right."""
         f = self.force.ravel()
         return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
 
 
 Calibration = Callable[[Floats], Floats]
-"""Function of points [m], (n, dim): shift by one sd along each calibration direction [m], (n, dim, n_directions)."""
+"""Function from points [m], (n, dim), to their shifts by one standard deviation of each independent calibration error
+[m], (n, dim, n_directions)."""
 
 
 class StaticBalance:
-    """Test of a body's static balance from its marks, frame by frame; no result if a force may hold the body for long.
+    """Test of a body's static balance from its marks, frame by frame.
 
-    uncertainty: uncertainty of the constants, None if exact; calibration: errors of the camera, None if exact
-    State: the marks of the last frames; cached factors for each set of visible nodes.
+    If a force may hold the body for a long time, the test gives no result.
+
+    uncertainty: uncertainty of the constants; calibration: errors of the camera calibration; None: no errors
+    State: the marks of the last frames; cached matrices for each set of visible nodes.
     """
 
     def __init__(
@@ -96,7 +99,7 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.network
-        # a force may hold a led body for any time, and links rotate
+        # a force may hold a led body (one whose nodes are pulled along) for any time, and its links rotate
         self._of = None if tissue.may_be_led else tissue.settings.poked
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
@@ -106,15 +109,15 @@ class StaticBalance:
 
     @property
     def mean_s(self) -> float:
-        """Time over which forces are averaged [s]; 0 for a body without a balance."""
+        """Time over which forces are averaged [s]; 0 if the body is not tested."""
         return 0.0 if self._of is None else self._settings.mean_s
 
     def forget(self) -> None:
-        """Discard the marks."""
+        """Discard the marks of all frames."""
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after the marks of a frame at this time [s]; None until enough marks were visible."""
+        """The balance after a frame at this time [s] with these marks; None until enough marks were visible."""
         if self._of is None:
             return None
         s = self._settings
@@ -130,7 +133,7 @@ class StaticBalance:
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
     def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
-        """The balance from frames in which all of the nodes were visible."""
+        """The balance of these nodes, from frames in which all of them were visible."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
         poke = np.repeat(of.poke * network.masses[at], dim)
@@ -139,7 +142,7 @@ class StaticBalance:
         span_s = max(frames[-1].time_s - frames[0].time_s, of.lasting_s)
         averaged = self._settings.often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
         cov = np.diag(averaged * poke**2 + np.repeat(network.friction[at], dim) ** 2)
-        for k, node in enumerate(nodes):  # an error that all frames share does not average out
+        for k, node in enumerate(nodes):  # errors of a mark may be equal in all frames, and then do not average out
             own = seen.stiffness[:, k * dim : (k + 1) * dim]
             cov += own @ frames[-1].marks[node].cov @ own.T
         directions = np.concatenate([alike, seen.forces, seen.stiffness @ seen.marks], axis=1)
@@ -147,7 +150,7 @@ class StaticBalance:
         return Balance(nodes, force, cov + directions @ directions.T)
 
     def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
-        """Force that the springs do not balance at the marks of a frame [N], (m,)."""
+        """External force f that the marks of one frame imply [N], (m,)."""
         if nodes not in frame.forces:
             network, seen = self._network, self._condensed(nodes)
             x = self._rest[network.free].ravel()
@@ -173,7 +176,7 @@ class StaticBalance:
             marks = np.zeros((len(m), 0))
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
-            # wrong constants cause no rotation about the marks if nothing resists it
+            # least squares: if no spring resists a rotation of hidden nodes, they do not rotate
             to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
             stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
             self._seen[nodes] = _Condensed(m, h, to_hidden, stiffness, forces[m] - to_hidden @ forces[h], marks)
@@ -182,7 +185,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """Marks of a frame by node; frames with the same visible nodes share factors."""
+    """Marks of a frame by node, and the external force for each set of nodes for which it was computed."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -191,11 +194,11 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body condensed statically to the m coordinates of visible nodes.
+    """A body, statically condensed to the m coordinates of visible nodes.
 
-    m, h: indices of these coordinates, and of those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
-    stiffness: Kc [N/m], (m, m); forces: on these coordinates by one sd of each constant [N], (m, n)
-    marks: shift of these coordinates by one sd along each direction of the calibration [m], (m, k)
+    m, h: indices of the coordinates of visible and of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
+    stiffness: Kc [N/m], (m, m); forces: condensed forces by one standard deviation of each constant [N], (m, n)
+    marks: shifts of visible coordinates by one standard deviation of each calibration error [m], (m, k)
     """
 
     m: NDArray[np.int64]

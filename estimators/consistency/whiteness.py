@@ -1,4 +1,4 @@
-"""Tests whether innovations are white, as they are for a filter with the right model."""
+"""Tests whether innovations are white, as expected if the filter's model is right."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from estimators.arrays import Floats
 def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
     """Autocorrelation matrices of a series (n, m) at lags of 1 to n_lags steps, (n_lags, m, m).
 
-    For a white series each entry is normal about 0 with a standard deviation of nearly 1 / sqrt(n). Raises ValueError
-    if there are not more steps than lags.
+    If the series is white, each entry is normal with mean 0 and a standard deviation of nearly 1 / sqrt(n). Raises
+    ValueError if n_lags is below 1 or not below n.
     """
     z = _standardised(series, n_lags)
     n = len(z)
@@ -21,10 +21,10 @@ def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
 
 
 def portmanteau(series: ArrayLike, n_lags: int) -> float:
-    """P-value: probability of autocorrelations at least as large in a white series (n, m), at lags 1 to n_lags.
+    """P-value of the hypothesis that a series (n, m) is white, from its autocorrelations at lags 1 to n_lags.
 
-    Ljung and Box's test [ljung1978] for one coordinate; Hosking's [hosking1980] for several, which does not depend on
-    their scale or rotation. Raises ValueError as `autocorrelation` does.
+    For one coordinate this is the test of Ljung and Box [ljung1978]. For several it is Hosking's test [hosking1980],
+    which does not depend on the scale or rotation of the coordinates. Raises ValueError as `autocorrelation` does.
     """
     z = _standardised(series, n_lags)
     n, m = z.shape
@@ -37,10 +37,10 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 
 
 def effective_count(series: ArrayLike) -> float:
-    """Effective sample size of a stationary series (n,) for its mean, from 1 to n.
+    """Effective sample size of a stationary series (n,): number of independent values whose mean is as accurate.
 
     It follows from the initial positive sequence of autocovariances [geyer1992], section 3.3: sums of adjacent pairs
-    are added until one is not positive. It is 1 for a constant series.
+    are added until one sum is not positive. The result lies between 1 and n; it is 1 for a constant series.
     """
     x = np.asarray(series, dtype=float)
     n, away = len(x), x - x.mean()
@@ -61,5 +61,5 @@ def _standardised(series: ArrayLike, n_lags: int) -> Floats:
     z = z[:, None] if z.ndim == 1 else z
     if not 1 <= n_lags < len(z):
         raise ValueError(f"n_lags: expected 1 to {len(z) - 1}, found {n_lags}")
-    # about zero, the expected mean of innovations: a biased series is not white
+    # the mean is not subtracted: innovations have mean zero, so a biased series is not white
     return np.asarray(z / np.sqrt((z**2).mean(axis=0)))

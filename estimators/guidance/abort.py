@@ -1,4 +1,4 @@
-"""Advice ABORT: the needle is inside the tissue, and the reason for inserting it no longer holds."""
+"""Advice ABORT, for a needle that is inside the tissue but should not be inserted further."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from estimators.guidance.settings import AdviceSettings
 
 
 class AbortWatch:
-    """State machine that tracks whether a needle is inside the tissue, and gives ABORT when it has to stop.
+    """State machine that tracks whether a needle is inside the tissue, and gives ABORT when the needle has to stop.
 
-    Outside the tissue advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. After GO it replaces any advice with a
-    hit probability below `AdviceSettings.abort` times `AdviceSettings.go`. It also replaces any advice if the needle
-    entered without GO in the last `AdviceSettings.abort_s`. ABORT ends when the needle is out, or after healthy
-    estimates for `AdviceSettings.abort_s`. After GO or an entry without GO, all these estimates must give GO.
+    Outside the tissue, advice is unchanged. Inside the tissue, ABORT replaces NO_GUIDANCE. If the needle entered later
+    than `AdviceSettings.abort_s` after the last GO, ABORT replaces any advice. After a GO, ABORT replaces WAIT and
+    REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
 
-    State: whether the needle was inside, None before its first position; time of the last GO outside [s]; whether it
-    entered with GO or got GO inside; whether it entered without GO; whether ABORT is given; start of the advice that
-    may end ABORT [s], None while there is none.
+    ABORT ends when the needle is outside, or when GO has lasted for `AdviceSettings.abort_s`. If the needle was inside
+    from its first position on and got no GO, any advice except NO_GUIDANCE ends ABORT if it has lasted for this time.
+
+    State: whether the needle is inside, how it entered, the last GO, and since when the advice may end ABORT.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class AbortWatch:
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The guidance at now_s [s] with its final advice: ABORT or unchanged; its numbers stay the same."""
+        """The guidance at now_s [s], with ABORT in place of its advice if the needle has to stop."""
         inside = insertion.depth_m > 0.0
         if not inside:
             self._inside, self._followed_go, self._early, self._aborts = False, False, False, False

@@ -1,8 +1,8 @@
 """Advice on the needle: insert, wait, realign, stop, or no guidance because the estimate is not healthy.
 
-All numbers come from one predicted path of the target per frame (`estimators.guidance.path`): the arrival time of the
-needle, mean and covariance of the target at that time, and the probability of a hit now and later. `RULES` turn them
-into advice.
+For each frame, `estimators.guidance.path` predicts the target's path. From this path follow the needle's arrival time,
+the mean and covariance of the target at that time, and the hit probabilities of insertions now and later. `RULES` turn
+these numbers into advice.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
 
 PATH_STEP_S = 1.0 / 30.0
-"""Step of the path's table [s]: cubic interpolation errs by under 0.1 mm for a swing of 10 mm at 3 Hz. Numerical: half
-or twice the step changes the mean hit probability by less than 0.4 %."""
+"""Step between the times of a predicted path [s]. For a swing of 10 mm at 3 Hz, cubic interpolation errs by less than
+0.1 mm. Numerical: half or twice the step changes the mean hit probability by less than 0.4 %."""
 
 
 class Advice(StrEnum):
@@ -36,19 +36,19 @@ class Advice(StrEnum):
     WAIT = "WAIT"
     """Do not insert yet: a later start is better, or no hit is probable enough."""
     REALIGN = "REALIGN"
-    """Turn the needle to the aim, or retract it: then a hit is probable."""
+    """Turn the needle towards the aim, or retract it."""
     NO_GUIDANCE = "NO_GUIDANCE"
-    """The estimate is not healthy: there is no advice."""
+    """No advice, because the estimate is not healthy."""
     ABORT = "ABORT"
     """The needle is inside, and the reason for inserting it no longer holds: stop. Only `AbortWatch` gives it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """Predicted results of insertions along the present direction, for start times starts_s [s], (k,).
+    """Predicted results of insertions along the present direction that begin at the times starts_s [s], (k,).
 
-    arrivals_s: time at which the notch is beside the target [s], inf if it does not arrive on the predicted path
-    probabilities: hit probabilities, 0 without arrival; both (k,)
+    arrivals_s: times at which the notch is beside the target [s], (k,); inf if this is after the end of the path
+    probabilities: hit probabilities [1], (k,); 0 if the needle does not arrive
     """
 
     starts_s: Floats
@@ -58,20 +58,22 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """Advice at one time with the numbers behind it; missing numbers are None.
+    """Advice at one time with the numbers behind it.
 
-    advice, reason: what to do, and why in words. If a needle inserted now never arrives, the numbers up to
-    turned_probability are None; if no start time leads to an arrival, the best time is None, too
-    arrival_s: time at which the notch (or the tip, for a hit by the tip) is beside the target, for an insertion now [s]
+    If the estimate is not healthy, or if a needle inserted now never arrives, all numbers are None.
+
+    advice, reason: the advice, and its reason in words
+    arrival_s: time at which the part of the needle that has to hit reaches the target, for an insertion now [s]
     probability: hit probability of an insertion now along the present direction
-    aim: predicted position of the target at arrival_s [m], (dim,): where to bring the notch's middle
+    aim: predicted position of the target at arrival_s, and best position of the notch's middle [m], (dim,)
     cov: covariance of the target at arrival_s [m²], (dim, dim)
-    lateral_m: distance of the aim from the needle's line
+    lateral_m: distance of the aim from the needle's line [m]
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
-    turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
-        that (dim,), and the probability of a hit along that direction
-    best_in_s, best_probability: best time to begin along the present direction, from now [s], and its hit probability
-    outlook: results for all start times
+    turn_rad: angle by which to turn the needle about its entry, towards the aim [rad]
+    turned_axis, turned_probability: direction after this turn, (dim,), and hit probability along that direction
+    best_in_s: time from now until the best start of an insertion along the present direction [s]
+    best_probability: hit probability of an insertion at this start
+    outlook: results for all start times; None if the estimate is not healthy
     """
 
     advice: Advice
@@ -92,15 +94,16 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """Input of the rules of advice: numbers for an insertion now, later, and after a turn.
+    """Input of the rules of advice: predicted results of an insertion now, later, and after a turn.
 
     probability: hit probability of an insertion now along the present direction; 0 if the needle never arrives
-    arrives: whether the needle arrives within the duration reach_s of the path [s]
-    best_in_s, best_probability: the best time to begin, from now [s], and its hit probability
-    turn_rad, turned_probability: turn towards the target's predicted position, and hit probability after it
+    arrives: whether the needle arrives before the predicted path ends; reach_s: duration of this path [s]
+    best_in_s, best_probability: time from now until the best start [s], and hit probability of this start
+    turn_rad: angle of a turn towards the predicted target [rad]; turned_probability: hit probability after this turn
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
     behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
-    target_sd_m, tip_sd_m: largest standard deviation in any direction, of the target at the arrival and of the tip [m]
+    target_sd_m: largest standard deviation of the target in any direction, at the arrival [m]
+    tip_sd_m: largest standard deviation of the tip in any direction [m]
     """
 
     probability: float
@@ -118,7 +121,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An advice with its condition and its reason in words."""
+    """An advice, the condition under which it is given, and its reason in words."""
 
     advice: Advice
     holds: Callable[[Prospect, AdviceSettings], bool]
@@ -170,11 +173,11 @@ RULES = (
         ),
     ),
 )
-"""Rules for a healthy estimate; the first that holds gives the advice. `health_fault` checks health first."""
+"""Rules for a healthy estimate, in order; the first rule whose condition holds gives the advice."""
 
 
 def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
-    """Advice and reason of the first rule that holds; raises LookupError if none does."""
+    """Advice and reason of the first rule whose condition holds; raises LookupError if there is none."""
     for rule in rules:
         if rule.holds(prospect, settings):
             return rule.advice, rule.reason(prospect)
@@ -182,7 +185,7 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """Protocol of a filter for `guide`: it gives the time of the last mark used, and the target's predicted path."""
+    """Protocol of a filter that `guide` can use."""
 
     @property
     def seen_s(self) -> float | None:
@@ -195,7 +198,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times [s], (k,), of the path for advice: until the last possible insertion arrives at a resting target."""
+    """Times of the path for advice [s], (k,), until the last possible insertion reaches the target's present place."""
     until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
@@ -212,11 +215,13 @@ def guide(
     now_s: float | None = None,
     path_at: Callable[[Floats], TargetPath] | None = None,
 ) -> Guidance:
-    """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
+    """Advice from a filter and its last estimate.
 
-    The path is predicted only for a healthy estimate, because the prediction takes most of the time. path_at: returns
-    the path at these times [s], (n,), or at more times. None: a `TissueFilter` uses tables, which the first call
-    computes, as in `softaim advise`; another source uses `PathSource.predict_path`
+    If the estimate is not healthy, no path is predicted, because the prediction takes most of the time.
+
+    now_s: time of the advice [s]; by default the time of the estimate
+    path_at: function that predicts the path at given times [s], (n,), or at more times. By default the path of a
+        `TissueFilter` comes from tables, which the first call computes; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -243,9 +248,9 @@ def advise(
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
 ) -> Guidance:
-    """Advice from a healthy estimate's path; now_s: by default the path's first time [s].
+    """Advice from the predicted path of a healthy estimate; now_s: time of the advice [s], by default the path's first.
 
-    Raises ValueError if dimensions differ or the path does not reach from now to the horizon.
+    Raises ValueError if dimensions differ, or if the path does not cover the time from now to the last start.
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -315,7 +320,7 @@ def advise(
 
 
 def _percent(p: float) -> str:
-    """Percentage, rounded down, so that only certainty is shown as 100 %."""
+    """Percentage, rounded down, so that a probability below 1 is never shown as 100 %."""
     return f"{int(100.0 * p)} %"
 
 

@@ -1,13 +1,14 @@
-"""Model of a breathing target: fits period and phase to a filter's estimates and predicts the path.
+"""Model of a breathing target: fits period and phase to a filter's estimates and predicts the target's path.
 
-For each period of a grid, a constant and some harmonics are fitted to the track by least squares with exponential
-forgetting. Periods are weighted by their likelihood, exp(-misfit / 2); the prediction is the mixture over all periods.
-Errors of neighbouring frames are correlated: the misfit is scaled to the number of independent errors.
+The past estimates are the track. For each period of a grid, a constant and some harmonics are fitted to the track by
+least squares with exponential forgetting. Each period is weighted by its likelihood, exp(-misfit / 2). The prediction
+is the mixture over all periods. Errors of neighbouring frames are correlated, so the misfit is scaled to the number of
+independent errors.
 
-A target may leave the breathing model: by a shift, a breath hold, a cough. Each estimate is compared with the model's
-prediction before it is added. The probability that the model holds follows by Bayes' rule, with a hazard of change;
-once the model is improbable, a new track begins [adams2007]. In the alternative hypothesis the target departs from the
-model by a random walk.
+A shift, a breath hold or a cough may end the validity of the model. Therefore each estimate is compared with the
+model's prediction before it is added to the track. The alternative hypothesis is that the target departs from the model
+by a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds. If the
+model is improbable, a new track begins [adams2007].
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information, at most 0.001 of one frame's: with it, the first frame determines a fit.
-Numerical: half or twice this value changes no figure of guidance by 0.2 %."""
+"""Regularisation of the information matrix, so that the first frame determines a fit; at most 0.001 of the information
+of one frame. Numerical: half or twice this value changes no figure of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
     """Settings of the breathing model.
 
-    shortest_s, longest_s: range of the periods, 21 to 9 breaths per minute [s]; choice
+    shortest_s, longest_s: shortest and longest period of the grid, for 21 and 9 breaths per minute [s]; choice
     n_periods: number of periods in the grid, evenly spaced in frequency; choice
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
     alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
-    cycles: least number of periods in the track for a breath to be reported; choice
-    explained: least share of the track's variance that a breath has to explain; choice
+    cycles: number of periods that the track must contain before a breath is reported; choice
+    explained: share of the track's variance that a fit must explain before a breath is reported; choice
     lasting_s: mean time until a target departs from the model [s]; choice
-    forgotten: a new track begins if the probability that the model holds is below this; choice
+    forgotten: probability that the model holds, below which a new track begins; choice
     """
 
     shortest_s: float = 2.8
@@ -68,7 +69,7 @@ class BreathingSettings:
 class Breath:
     """Breath fitted to a track: period with standard deviation [s], and scatter of the target about the fit [m].
 
-    explained: explained share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
+    explained: share of the track's variance that the fit explains; weights: probability of each period, (n_periods,)
     """
 
     period_s: float
@@ -81,9 +82,8 @@ class Breath:
 class Breathing:
     """Predictor of a breathing target, updated with a filter's estimates, frame by frame.
 
-    State: sums over the track with exponential forgetting: information (n_periods, n, n), products with the track
-    (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit;
-    the probability that the model holds; the target's deviation from the model [m], (dim,), with covariance.
+    State: sums over the track with exponential forgetting; times of the first and the last estimate; the last fit; the
+    probability that the model holds; the departure of the target from the model [m], (dim,), with its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -111,7 +111,7 @@ class Breathing:
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
         """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
 
-        Raises ValueError for times that do not increase, another dimension and numbers that are not finite.
+        Raises ValueError if the time does not increase, if the dimension differs, and if a number is not finite.
         """
         if not (self._last_s < time_s < np.inf):
             raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
@@ -132,7 +132,7 @@ class Breathing:
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
-        """The breath fitted to the track so far; None if the track is too short or not periodic."""
+        """The breath fitted to the track; None if the track is too short or not periodic."""
         s = self.settings
         span = self._last_s - self._first_s
         if span < s.cycles * s.shortest_s:
@@ -142,7 +142,7 @@ class Breathing:
         return breath if seen and breath.explained >= s.explained else None
 
     def predict(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,), including scatter.
+        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target at times [s], (k,).
 
         Raises ValueError if `breath` returns None.
         """
@@ -161,16 +161,16 @@ class Breathing:
         return means + self._origin, covs
 
     def holds(self, times_s: Floats) -> Floats:
-        """Probability that the model holds at times [s] after the last estimate, (k,); 0 without a breath."""
+        """Probability that the model still holds at times after the last estimate [s], (k,); 0 without a breath."""
         if self.breath() is None:
             return np.zeros(len(times_s))
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
 
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Update the probability that the model holds, and the departure from it; begin a new track if improbable.
+        """Update the probability that the model holds, and the target's departure from the model.
 
-        A Kalman filter tracks the departure, a random walk whose variance grows in one period by the track's variance.
-        Estimates within `alike_s` count as one under both hypotheses.
+        A Kalman filter tracks the departure as a random walk; its variance grows in one period by the track's variance.
+        Under both hypotheses, all estimates within `alike_s` together count as one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -214,7 +214,7 @@ class Breathing:
             total = self._squares - float(self._sum @ self._sum) / self._weight
             own = max(scatter2 - self._filter_variance / self._weight, 0.0)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
-            # the coefficients' error includes the filter's part of the misfit; the target's own scatter is only `own`
+            # the coefficients' covariance includes the filter's errors; the scatter of the target excludes them
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath
         return self._fit
 

@@ -1,8 +1,8 @@
 """Contradictions between marks and model, after which an estimate may look healthy but be wrong.
 
-After a spring was cut, or a mark was moved, the filter explains the marks by persistent forces: its innovations look
-right, but the hidden target is elsewhere. Later frames do not show that. Therefore a contradiction persists until a
-person has checked tissue and marks, and resets it.
+If a spring is cut or a mark is moved, the filter explains the measured positions by persistent forces. Its innovations
+then become small again, although its estimate of the hidden target is wrong. Therefore a detected contradiction
+persists until a person has checked tissue and marks and resets it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from estimators.tissue.estimate import Status, TargetEstimate
 class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
-    away_s: time without use after which a mark must return to where it is expected [s]; choice
-    improbable: p-value of the innovations when a mark returns, below which the mark is elsewhere [1]; choice
+    away_s: a mark that the filter did not use for longer than this is tested when the filter uses it again [s]; choice
+    improbable: p-value of innovations below which they contradict the model [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: all marks moved together if the likelihood ratio of omitting one mark to shifting all is below this [1];
-    0: not tested; measured: the ratio is at least 1e-4 in frames with pokes of 15 m/s², and at most 1e-7 if marks
-        accurate to 1 mm are shifted by 8 mm, or 1e-11 if by 10 mm
+    together: likelihood ratio of two explanations, one wrong mark and a common shift of all marks, below which all
+        marks have moved together [1]; 0: not tested; measured: the ratio is at least 1e-4 in frames with pokes of
+        15 m/s²; for marks accurate to 1 mm, it is at most 1e-7 after a shift by 8 mm, and at most 1e-11 after 10 mm
     """
 
     away_s: float = 0.2
@@ -40,7 +40,7 @@ CONTRADICTION = ContradictionSettings()
 class Contradiction:
     """Detector of a contradiction between marks and model, from the estimates since the last `forget`.
 
-    State: the reason, None while there is none; time of the last use of each mark [s].
+    State: reason, the contradiction in words, None before there is one; time of the last use of each mark [s].
     """
 
     def __init__(self, settings: ContradictionSettings = CONTRADICTION) -> None:
@@ -49,21 +49,21 @@ class Contradiction:
         self._used_s: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Reset, after a person has checked the tissue."""
+        """Discard a contradiction, after a person has checked tissue and marks."""
         self.reason = None
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Update with the estimate of a frame, and the balance of its marks if there is one."""
+        """Update with the estimate of a frame and, if it was computed, the static balance of its marks."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
 
     def _together(self, estimate: TargetEstimate) -> str | None:
-        """The reason if innovations are improbable, and a shift of all marks, but not of a single mark, explains them.
+        """The reason, if a common shift of all marks explains the innovations, and an error of a single mark does not.
 
-        Tissue does not shift like that between frames, but its image does if the camera moves. At a start tissue may
-        seem to do so, because its velocity is not known yet.
+        A moved camera causes such a shift; tissue does not move so far between frames. During initialisation tissue may
+        seem to, because its velocity is not known yet.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

@@ -1,9 +1,10 @@
 """Probability that a needle samples a lesion, and the aim with the highest probability.
 
-Target and tip are Gaussian and independent, so that the sampling point relative to the target is Gaussian with the sum
-of their covariances. A linear map turns the lesion into the unit ball. The probability that a point lies in this ball
-is that of a generalised chi-square variable [imhof1961]. `estimators.guidance.kernels` computes it, also for a core of
-some length, from error functions along the needle and Gauss-Legendre sums across it.
+Target and tip are Gaussian and independent. The position of the sampling point relative to the target is therefore
+Gaussian, and its covariance is the sum of both covariances. A linear map turns the lesion into the unit ball. The
+squared distance of a point from the centre of this ball is a generalised chi-square variable [imhof1961].
+`estimators.guidance.kernels` computes the probability of a hit, also for a core of some length, from error functions
+along the needle and Gauss-Legendre sums across it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """Best position of the notch's middle, or of the tip for a hit by the tip [m] (dim,), and its hit probability."""
+    """Best position of the notch's middle or, for a hit by the tip, of the tip [m], (dim,); its hit probability."""
 
     point: Floats
     probability: float
@@ -31,12 +32,14 @@ class Aim:
 def hit_probability(
     target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> float:
-    """Probability that the sampling part of the needle lies in the lesion, see `Hit`.
+    """Probability that the part of the needle that `Needle.hit` names lies in the lesion.
 
-    Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
+    The error is below 1e-5. For a core whose standard deviations in two directions differ by a factor of dozens, the
+    error is below 2e-4.
 
-    target: from `TissueFilter.predict_modes`; a single Gaussian gives too low results near the aim, too high ones afar
-    axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
+    target: mixture from `TissueFilter.predict_modes`; with a single Gaussian in its place, the result is too low for
+        needles that are aimed at the target, and too high for needles that are aimed far from it
+    axis: direction of the needle [1], (dim,), of any length; the notch's middle lies `needle.reach_m` behind the tip
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
     needle = Needle() if needle is None else needle
@@ -54,11 +57,12 @@ def hit_probability(
 def best_aim(
     target: GaussianMixture, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> Aim:
-    """The aim with the highest hit probability, for a given covariance of the tip [m²] (dim, dim) and needle axis.
+    """The aim with the highest hit probability.
 
-    For a single Gaussian it is the mean: the lesion, and the region in which a core is long enough, are convex and
-    symmetric about the mean [anderson1955]. For a mixture, which may have several peaks, it is the best result of an
-    ascent from each mean and from the overall mean.
+    tip_cov: covariance of the tip [m²], (dim, dim); axis: direction of the needle, (dim,)
+    For a Gaussian target the best aim is the mean: the lesion, and the set of positions at which the core is long
+    enough, are convex and symmetric [anderson1955]. For a mixture the hit probability may have several peaks: the
+    result is the best of the ascents from each mean and from the overall mean.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)
@@ -87,7 +91,7 @@ def best_aim(
 
 
 def _checked_axis(target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion) -> Floats:
-    """The axis as a unit vector, (dim,)."""
+    """The axis as a unit vector, (dim,); raises ValueError or TypeError for invalid arguments."""
     for name, one in (("target", target), ("tip", tip)):
         if not isinstance(one, GaussianMixture):
             raise TypeError(f"{name}: expected a GaussianMixture, as from predict_modes, found {type(one).__name__}")

@@ -1,9 +1,9 @@
 """Compiled integrals of a Gaussian over a lesion, and insertions towards a predicted path of the target.
 
-Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it. A notch of
-length l has a core of at least L in the ball where |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and |y|² <= 1 - L²/4;
-a point has l = L = 0. The inner integral, along a, is a difference of error functions. Integrals over y are
-Gauss-Legendre sums in the angle that makes h smooth at the ball's rim.
+A linear map turns the lesion into the unit ball: y are coordinates across the needle, a is the coordinate along it. A
+notch of length l has a core of at least L in the ball if |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and
+|y|² <= 1 - L²/4. For a point, l = L = 0. The inner integral, over a, is a difference of error functions. Integrals over
+y are Gauss-Legendre sums over an angle in which h is smooth at the ball's rim.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEEP, PARTS = 60.0, 15
 
 @njit(cache=True, nogil=True)
 def _rule(span):  # type: ignore[no-untyped-def]
-    """The quadrature rule for an integrand that changes over this many standard deviations."""
+    """Index of the quadrature rule for an interval of this many standard deviations."""
     if span < 4.0:
         return 0
     if span < 9.0:
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc`, for the unit ball in space; m, s, slope (2,): of two independent coordinates across the needle."""
+    """As `_disc`, for the unit ball in space; m, s, slope (2,): for two independent coordinates across the needle."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -182,8 +182,8 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
     """Probability that a notch has at least `core` of its length in the lesion; for length 0, that its middle is there.
 
-    offset (d,), cov (d, d): the notch's middle less the target; axis (d,): unit vector along the needle;
-    to_ball (d, d): the linear map of the lesion to the unit ball
+    offset (d,), cov (d, d): mean and covariance of the notch's middle relative to the target
+    axis (d,): unit vector along the needle; to_ball (d, d): linear map from the lesion to the unit ball
     """
     d = offset.shape[0]
     m, C = _moved(to_ball.T, offset, cov)
@@ -244,7 +244,7 @@ def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
-    """The path's mean at t in its interval j: cubic, with the slopes of parabolas through three neighbours."""
+    """The path's mean at t in its interval j: cubic interpolation, with slopes of parabolas through three points."""
     n, d = means.shape
     step = times[j + 1] - times[j]
     u = (t - times[j]) / step
@@ -281,7 +281,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
-    """Interval and time at which a tip that leaves at `start` first reaches the wanted depth; (-1, inf) if never."""
+    """Interval and time at which a tip that starts at `start` first reaches the wanted depth; (-1, inf) if never."""
     times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
@@ -310,13 +310,13 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
     """Results of insertions that begin at each of these times.
 
-    Returns arrivals (k,), depths (k,), the target's positions at arrival, (k, d), and hit probabilities, (k,).
+    Returns arrival times (k,), depths (k,), the target's positions at arrival, (k, d), and hit probabilities, (k,). If
+    a needle does not arrive, its time is inf, and its hit probability is 0.
 
-    path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means relative to the
-        overall mean (n, c, d), covs (n, c, d, d)
-    needle: entry (d,), axis (d,), speed, present depth, reach from the tip back to the notch's middle
-    spread: variance of the tip in every direction, and across the needle per squared depth
-    aimed: whether the needle is first turned about its entry to the future target. Without arrival: time inf, p 0.
+    path: times (n,), overall means (n, d) of the target, and c parts of the mixture: weights (n, c), means relative to
+        the overall mean (n, c, d), covs (n, c, d, d)
+    needle: entry (d,), axis (d,), speed, present depth, distance from the tip back to the notch's middle
+    spread: see `Needle.spread`; aimed: whether the needle is first turned about its entry towards the future target
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

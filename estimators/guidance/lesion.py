@@ -1,4 +1,4 @@
-"""Lesion around the target: a ball or an ellipsoid, in the plane or in space, that moves with it."""
+"""Lesion around the target: a ball or an ellipsoid, in the plane or in space, that moves with the target."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lesion:
-    """A lesion around the target, an ellipsoid of points x with ‖axes⁻¹ (x - target)‖ <= 1.
+    """A lesion around the target: an ellipsoid of all points x with ‖axes⁻¹ (x - target)‖ <= 1.
 
-    axes: columns are the semi-axes [m], (dim, dim); for a ball, its radius times the identity
-    Raises ValueError if they do not span the plane or space.
+    axes: matrix whose columns are the semi-axes [m], (dim, dim); for a ball, its radius times the identity
+    Raises ValueError if the semi-axes do not span the plane or space.
     """
 
     axes: Floats
@@ -42,7 +42,7 @@ class Lesion:
 
     @property
     def radius_m(self) -> float:
-        """Radius of a ball [m]; for an ellipsoid, that of a ball of the same volume."""
+        """Radius of the ball that has the lesion's volume [m]."""
         sizes = np.linalg.svd(self.axes, compute_uv=False)
         return float(sizes[0] if sizes[0] == sizes[-1] else np.exp(np.log(sizes).mean()))
 
@@ -56,9 +56,10 @@ class Lesion:
         return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
 
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
-        """Lengths inside the lesion [m], (n,), of segments with this length along a unit vector (dim,).
+        """Length of the part of each segment that lies in the lesion [m], (n,).
 
-        offsets: offsets of the segments' middles from the target [m], (n, dim)
+        offsets: middles of the segments relative to the target [m], (n, dim)
+        axis: unit vector along all segments, (dim,); length_m: their common length [m]
         """
         x, w = offsets @ self.to_ball.T, self.to_ball @ axis
         squared = w @ w

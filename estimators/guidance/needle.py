@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine of the angle between a tracked needle and the stated direction in the computation of depth; choice."""
+"""Least cosine, in the computation of depth, of a tracked needle's angle to the stated direction; choice."""
 
 
 class Hit(StrEnum):
@@ -28,15 +28,14 @@ class Hit(StrEnum):
 class Needle:
     """A side-notch core needle.
 
-    hit: what counts as a hit; source: needle.toml, what the user wants in the lesion
-    notch_offset_m: distance from the tip back to the notch [m]; source: the 5 mm that a biopsy gun reportedly does not
-        sample, [skiparea]
+    hit: part of the needle that has to lie in the lesion; source: needle.toml
+    notch_offset_m: distance from the tip back to the notch [m]; source: 5 mm, the length behind the tip from which a
+        biopsy gun takes no sample, [skiparea]
     notch_length_m: length of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
-    core_m: least length of tissue from the lesion for CORE [m]; source: needle.toml, what the user's pathologist needs
-    tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the accuracy of the
-        user's tracker
-    bending_sd: standard deviation across the needle due to bending, per depth [m/m]; source: 0.9 mm at 45 mm, the
-        mean deflection of such a gun in a phantom, [deflection]
+    core_m: for `Hit.CORE`, least length of the notch in the lesion [m]; source: needle.toml, the pathologist's need
+    tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the tracker's accuracy
+    bending_sd: standard deviation of the tip across the needle due to bending, divided by the depth [m/m]; source:
+        0.9 mm at 45 mm, the mean deflection of a biopsy gun in a phantom, [deflection]
 
     In patients needles bend more, see `docs/guidance.md`.
     """
@@ -67,16 +66,16 @@ class Needle:
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """Length of the sampling part [m], 0 for a point, and the length that must lie in the lesion [m]."""
+        """Length of the notch, and length of it that must lie in the lesion [m]; both are 0 if a point has to hit."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Variance of the tip in every direction [m²], and across the needle per squared depth."""
+        """Variance of the tip in every direction [m²], and variance by bending divided by the squared depth [1]."""
         return self.tip_sd_m**2, self.bending_sd**2
 
     def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
-        """Covariance of the tip [m²], (dim, dim), at a depth [m] along a unit vector (dim,)."""
+        """Covariance of the tip [m²], (dim, dim), for a needle along the unit vector axis, (dim,), at a depth [m]."""
         every, across = self.spread
         dim = len(axis)
         return every * np.eye(dim) + across * depth_m**2 * (np.eye(dim) - np.outer(axis, axis))
@@ -86,10 +85,10 @@ class Needle:
 class Insertion:
     """A needle's entry, direction, speed and present depth.
 
-    entry: point where it enters the tissue [m], (dim,)
-    axis: unit vector along it, (dim,); any length is accepted and normalised
-    speed_m_s: speed of insertion
-    depth_m: present depth of its tip beyond the entry; 0 before the insertion
+    entry: point where the needle enters the tissue [m], (dim,)
+    axis: unit vector along the needle, (dim,); a vector of another length is normalised
+    speed_m_s: speed of insertion [m/s]
+    depth_m: present depth of the tip beyond the entry [m]; 0 before the insertion
     """
 
     entry: Floats
@@ -112,11 +111,12 @@ class Insertion:
         object.__setattr__(self, "axis", axis / size)
 
     def tracked(self, tip: Floats, axis: Floats) -> Insertion:
-        """The insertion with a tracker's position of the tip [m], (dim,), and direction, (dim,), of any length.
+        """The insertion of a needle whose tip and direction a tracker has measured.
 
-        The skin is the plane through this insertion's entry, perpendicular to its axis; a tip in front of it is
-        outside. Beyond 60 degrees from that axis (`STEEP`), the needle's depth is computed as at 60 degrees. Raises
-        ValueError for a direction without length.
+        tip: measured position of the tip [m], (dim,); axis: measured direction, of any length, (dim,)
+        The skin is the plane through this insertion's entry, perpendicular to its axis. If the tip is in front of this
+        plane, the depth is 0. If the needle is tilted by more than 60 degrees from this axis (`STEEP`), its depth is
+        computed as at 60 degrees. Raises ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

@@ -1,8 +1,8 @@
 """Constant-speed Kalman filter for a tracked needle: position of its tip, and time of its arrival.
 
-The state is the tip's position and its speed along the line, x = (p, s): dp/dt = s d + bending across the line,
-ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
-[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, as if the needle bends.
+The state x = (p, s) is the tip's position and its speed along a line of direction d: dp/dt = s d + bending across the
+line, ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
+[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, because the needle bends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: white noise along the line; the speed varies by 10 mm/s in a second [m/s²/sqrt(Hz)]; choice
+    acceleration: white noise of the acceleration along the line [m/s²/sqrt(Hz)]; choice: the speed changes by 10 mm/s
+        in one second
     bending: random walk of the tip across the line [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
@@ -33,7 +34,7 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """Time at which the tip reaches a depth, time_s [s], with its standard deviation, sd_s [s], to first order."""
+    """Time time_s at which the tip reaches a depth [s], and its standard deviation sd_s to first order [s]."""
 
     time_s: float
     sd_s: float
@@ -43,8 +44,8 @@ class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
     entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
-    State: time_s of the estimate, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
-    covariance of the tip [m] and the speed along the line [m/s]; nis of the last measurement.
+    State: time_s, time of the estimate [s], None before `predict`; x, (dim + 1,), and P, (dim + 1, dim + 1), mean and
+    covariance of the tip [m] and of its speed along the line [m/s]; nis, that of the last measurement.
 
     Raises ValueError for a direction without length.
     """
@@ -74,14 +75,14 @@ class NeedleTracker:
         return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
 
     def predict(self, time_s: float) -> None:
-        """Predict to this time [s]; raises ValueError for an earlier time and one that is not finite."""
+        """Predict to this time [s]; raises ValueError if it is earlier than the last time, or not finite."""
         self.x, self.P = self._ahead(time_s)
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
         """Predicted tip at a later time [m], (dim,), and its covariance [m²]; the state does not change.
 
-        Raises ValueError before the first measurement, and for a time that is past or not finite.
+        Raises ValueError before the first measurement, and if the time is before the present one or not finite.
         """
         if self.time_s is None:
             raise ValueError("tip_at: expected a measurement first, found none")
@@ -89,10 +90,11 @@ class NeedleTracker:
         return x[:-1], P[:-1, :-1]
 
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
-        """Update with a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
+        """Update with a measured position of the tip at the present time [m], (dim,).
 
-        The position comes from a tracker or from a mark with its own hue. The first position starts the estimate.
-        Raises ValueError for other shapes and before `predict`, and CovarianceError.
+        cov: covariance of the measured position [m²], (dim, dim)
+        The first position initialises the filter. Raises ValueError for other shapes and before `predict`, and
+        CovarianceError if the innovation covariance is not positive definite.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
         dim = len(self.entry)
@@ -112,9 +114,9 @@ class NeedleTracker:
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """Time at which the tip reaches this depth [m]; None if it never does, or is already deeper.
+        """Time at which the tip reaches this depth [m]; None if the tip never does, or is already deeper.
 
-        t = (depth - l) / s and sd t = sd l(t) / s, with the speed s, the present depth l and l(t) predicted for time t.
+        The standard deviation of the time is that of the depth predicted for this time, divided by the speed.
         """
         depth, _ = self.depth
         speed, _ = self.speed

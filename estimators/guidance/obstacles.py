@@ -14,7 +14,7 @@ from estimators.arrays import Floats
 class Obstacle:
     """An obstacle such as a rib or a vessel: all points within radius_m of a segment; a ball if both ends are equal.
 
-    start, end: ends of its axis [m], (dim,); margin_m: least distance of a needle from its surface [m]
+    start, end: ends of the segment [m], (dim,); margin_m: least distance of a needle from the obstacle's surface [m]
     """
 
     name: str
@@ -40,9 +40,9 @@ def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> O
 
 
 def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radius_m: float = 0.0) -> Floats:
-    """Distance of needles from the margins of obstacles [m], (n, n_obstacles); negative inside a margin.
+    """Distance of each needle from the margin of each obstacle [m], (n, n_obstacles); negative inside the margin.
 
-    starts, ends: ends of the needles [m], (n, dim); radius_m: radius of the needles [m]
+    starts, ends: ends of the needles [m], (n, dim); radius_m: radius of all needles [m]
     """
     rows = [
         segment_distances(starts, ends, one.start, one.end) - one.radius_m - one.margin_m - radius_m
@@ -52,9 +52,9 @@ def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radi
 
 
 def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) -> Floats:
-    """Least distance of each segment, starts to ends (n, dim), from one segment, start to end (dim,) [m], (n,).
+    """Distance of each of n segments from one given segment [m], (n,).
 
-    The closest points lie inside both segments, or one of them is an end.
+    starts, ends: ends of the n segments [m], (n, dim); start, end: ends of the given segment [m], (dim,)
     """
     u, v, w = ends - starts, end - start, starts - start
     a, b, c = np.einsum("nd,nd->n", u, u), u @ v, v @ v
@@ -77,7 +77,7 @@ def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) 
 
 
 def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distances of points from segments [m], (n,); both are (n, dim), or (1, dim) for a single one."""
+    """Distance of each point from its segment [m], (n,); points, starts, ends: (n, dim), or (1, dim) if common."""
     along = ends - starts
     square = np.einsum("nd,nd->n", along, along)
     part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)

@@ -1,8 +1,8 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
-Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
-narrow with one. So the path is a mixture of three cases: no force grows before the arrival; a poke or a stronger slow
-force acts; a force pulls a node along.
+Usually no short force (a poke) acts on the tissue before the needle arrives. A single Gaussian would be too wide if no
+poke acts, and too narrow if one does. So the path is a mixture of three cases: (1) no poke acts, and no slow force
+becomes stronger; (2) a poke acts, or a slow force becomes stronger; (3) a node is led, that is, pulled along.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ CYCLE_S = 1.0 / 30.0
 """Step between two times of the tables [s]; choice."""
 
 TURNED = 0.35
-"""Rotation of a spring from its direction at rest up to which the tables are valid [rad]; measured:
+"""Largest rotation of a spring from its direction at rest at which the tables are valid [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
-"""Probability below which a part is omitted, because rounding would dominate it; numerical."""
+"""Probability below which a part of the mixture is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Distance added to the distance from the entry to the target at rest, for the range of the tables [m]; choice."""
+"""Largest expected displacement of the target from rest, for the range of the tables [m]; choice."""
 
 MOST_S = 30.0
-"""Longest range of the tables, even for a slow needle [s]; choice."""
+"""Longest time that the tables cover, even for a slow needle [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +50,9 @@ class PathParts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetPath:
-    """Predicted path of a target: times [s], (k,), increasing; means [m] (k, dim); covs [m²] (k, dim, dim).
+    """Predicted path of a target: increasing times [s], (k,); means [m], (k, dim); covariances [m²], (k, dim, dim).
 
-    mixture: the same path as a mixture, for hit probabilities; None: the path is Gaussian
+    mixture: the path as a Gaussian mixture, for hit probabilities; None if the path is Gaussian
     """
 
     times_s: Floats
@@ -79,11 +79,11 @@ class TargetPath:
                 )
 
     def widened(self, cov: Floats) -> TargetPath:
-        """The path with an additional unknown constant error of this covariance [m²], (dim, dim)."""
+        """The path with a further error that is constant in time and has this covariance [m²], (dim, dim)."""
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
-        """The path shifted by a constant [m], (dim,), or by a path (k, dim), with a covariance [m²], (dim, dim)."""
+        """The path, shifted by a displacement [m], (dim,) or (k, dim), of this covariance [m²], (dim, dim)."""
         parts = self.mixture
         each = np.expand_dims(by, -2)
         mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
@@ -91,7 +91,7 @@ class TargetPath:
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:
-        """Weights (k, c), means relative to the overall mean [m] (k, c, dim), and covariances [m²] (k, c, dim, dim)."""
+        """Mixture: weights (k, c), means relative to the overall mean [m] (k, c, dim), covariances (k, c, dim, dim)."""
         if self.mixture is None:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
@@ -99,14 +99,14 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the target without its offset's error, for `Breathing`."""
+    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the target, without the constant error of its stated offset."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
     """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target, predicted by the breathing model.
 
-    The model was updated with `breathing_track`; the error of the target's offset is added here.
+    They include the constant error of the target's stated offset, which `breathing_track` omits.
     """
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov
@@ -131,36 +131,37 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
 
 
 def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
-    """Prediction range of the path [s]: from the oldest usable estimate to the last possible insertion."""
+    """Duration of the path that advice needs [s]: from the oldest usable estimate to the last possible arrival."""
     rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time [s] until the needle's sampling part is this far from the entry [m]; 0 if it is already farther."""
+    """Time until the part of the needle that has to hit is distance_m beyond the entry [s]; 0 if it is farther."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables of a filter's path over this range [s]; they depend on the filter's model, not on its posterior."""
+    """Tables for predictions up to this time ahead [s]; they depend on the filter's model, not on its posterior."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
 def _times_until(ahead_s: float, cycle_s: float) -> int:
-    """Number of times, cycle_s [s] apart from now on, that cover this range [s]."""
+    """Number of points in time, the first one now and the others cycle_s apart, that cover the next ahead_s seconds."""
     return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The path with its parts, at all times of the tables; raises ValueError before the filter's first frame."""
+    """The predicted path, a mixture, at all times of the tables; raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The path at least from the first to the last of these times [s], (k,), from tables where they are valid.
+    """The predicted path from the first to the last of the requested times [s], (k,).
 
-    Otherwise it comes from the filter, at these times.
+    If the tables are valid, the path comes from them and has their times; these begin at the filter's time. Otherwise
+    it comes from the filter and has the requested times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -171,17 +172,17 @@ def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -
 
 
 _KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
-"""Tables of each filter whose path was requested, as long as the filter exists."""
+"""Tables of each filter for which `kept_path` was called, as long as the filter exists."""
 
 
 def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """As `path_near_rest`, with cached tables, which are recomputed for a longer range."""
+    """As `path_near_rest`, with cached tables; they are computed again if the requested times exceed them."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
     if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
         if ahead_s > MOST_S:
             return TargetPath(times_s, *tissue.predict_path(times_s))
-        # a moving needle needs slightly more each time
+        # while the needle moves, later calls need slightly longer tables
         tables = _KEPT[tissue] = path_tables(tissue, 1.25 * ahead_s)
     return path_near_rest(tables, tissue, times_s)
 
@@ -195,7 +196,7 @@ def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> Targe
 
 
 def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
-    """Whether all springs are within `TURNED` of their directions at rest."""
+    """Whether no spring has turned by more than `TURNED` from its direction at rest."""
     now = tissue.positions
     i, j = tissue.network.springs.T
     springs, at_rest = now[j] - now[i], tables.shape[j] - tables.shape[i]
@@ -204,9 +205,10 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture of nested cases, each with its probability (k,), 1 for the last, means (k, dim), covs (k, dim, dim).
+    """Mixture from nested cases: probability (k,), means (k, dim), covariances (k, dim, dim) of each.
 
-    Each part of the mixture is a case without the narrower case before it.
+    Each case includes the case before it; the last case is certain. Each part of the mixture is a case minus the case
+    before it.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

@@ -1,9 +1,9 @@
 """Planning of needle paths: straight paths ranked by the probability that the tip ends in the lesion.
 
-The insertion itself pushes the target aside. The push is predicted by the tissue's linear response to the needle's
-forces at arrival, u = C F. C has the columns of the inverse stiffness matrix at rest that belong to the target
-[dimaio2003]. F has the cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
-`dynamics.needle.loads`. Each path aims at the pushed target. Obstacles are assumed at rest.
+The needle displaces the target. This displacement u = C F is predicted by the tissue's linear response to the needle's
+forces at arrival. C contains the rows of the inverse stiffness matrix at rest that belong to the target [dimaio2003].
+F contains the cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
+`dynamics.needle.loads`. Each path aims at the displaced target. Obstacles are assumed to be at rest.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
-"""Fixed-point iterations of the aim under the path's own push; numerical: the error is 0.3 µm on the phantom, and half
-or twice as many change no hit probability by 0.1 %."""
+"""Number of fixed-point iterations that find the displaced target; numerical: the error is 0.3 µm on the phantom, and
+half or twice as many iterations change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared and shown; if equal, the path with more clearance ranks first.
-On the phantom the best path is the same with two to six decimals."""
+"""Decimals to which hit probabilities are compared and shown. If two are equal, the path with more clearance ranks
+first. On the phantom the best path is the same with two to six decimals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """Lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; its radius [m]."""
+    """Ball to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival, and its radius [m]."""
 
     mean: Floats
     cov: Floats
@@ -48,8 +48,8 @@ class PlannedNeedle:
         and 18 N/m for sticking in bovine liver, [okamura2004]
     reach_m: width of the kernel that distributes a force over nodes [m]; choice
     force_sd: relative standard deviation of the forces; choice
-    tip_sd_m: standard deviation of the tip from its path per axis [m]; source: plan.toml, by default 0.9 mm at 45 mm,
-        rounded, the mean deflection of a biopsy gun in a phantom, [deflection]
+    tip_sd_m: standard deviation of the tip's deviation from its path, per axis [m]; source: plan.toml, by default
+        0.9 mm at 45 mm, rounded, the mean deflection of a biopsy gun in a phantom, [deflection]
     """
 
     radius_m: float = 0.5e-3 * GAUGES_MM[16]
@@ -62,9 +62,10 @@ class PlannedNeedle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skin:
-    """Region where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
+    """Region where the needle may enter: a box, which may be flat.
 
-    normal: unit vector out of the tissue, (dim,); max_angle_rad: largest angle of a path to it; max_length_m: of a path
+    start, end: opposite corners of the box [m], (dim,); normal: unit vector out of the tissue, (dim,)
+    max_angle_rad: largest angle between a path and the normal [rad]; max_length_m: largest length of a path [m]
     """
 
     start: Floats
@@ -82,7 +83,7 @@ class Skin:
         object.__setattr__(self, "normal", self.normal / length)
 
     def entries(self, n: int) -> Floats:
-        """About n points in the region [m], (n, dim): on a straight line in the plane, on a grid in space."""
+        """About n points in the region [m], (n, dim): in the plane on a straight line, in space on a grid."""
         if len(self.start) == 2:
             return self.start + np.linspace(0.0, 1.0, n)[:, None] * (self.end - self.start)
         sides = np.abs(self.end - self.start)
@@ -95,14 +96,18 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Paths with predicted results; rows are in the given order, `order` ranks them.
+    """Paths with predicted results, one per row, in the order in which they were given.
 
-    entries, directions, tips: (n, dim) [m]; lengths: lengths in the tissue [m], (n,)
-    pushed: shift of the target by the insertion [m], (n, dim)
-    means, covs: target at arrival [m], (n, dim); covs include the tip's error [m²], (n, dim, dim)
-    hits: probability that the tip ends in the lesion, (n,); clearance: least distance to an obstacle's margin [m], (n,)
-    angles: angles to the skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
-    order: rows of the allowed paths from the best to the worst, then of the rejected ones by hits, (n,)
+    entries, tips: ends of each path [m], (n, dim); directions: unit vectors along the paths, (n, dim)
+    lengths: lengths of the paths [m], (n,)
+    pushed: displacement of the target by the needle [m], (n, dim)
+    means: position of the target at arrival [m], (n, dim)
+    covs: covariance of the target relative to the tip at arrival [m²], (n, dim, dim)
+    hits: probability that the tip ends in the lesion, (n,)
+    clearance: least distance from the margin of an obstacle [m], (n,)
+    angles: angle between each path and the skin's normal [rad], (n,)
+    reasons: for each path the reasons for its rejection; empty if the path is allowed
+    order: rows from the best path to the worst, the allowed paths first, (n,)
     """
 
     entries: Floats
@@ -130,7 +135,7 @@ class Plan:
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """Shift of the target by a unit force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
+    """Displacement of the target per unit force on each free coordinate, about rest [m/N], (dim, n_free dim)."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -138,7 +143,10 @@ def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
 def needle_displacement(
     network: MassSpringNetwork, C: Floats, needle: PlannedNeedle, tips: ArrayLike, entries: ArrayLike
 ) -> Floats:
-    """Shift of the target [m], (n, dim), by needles from entries to tips [m], (n, dim); C: its `compliance`."""
+    """Displacement of the target by each of n needles [m], (n, dim).
+
+    C: the target's `compliance` [m/N], (dim, n_free dim); tips, entries: ends of the needles [m], (n, dim)
+    """
     to, from_ = np.asarray(tips, dtype=float), np.asarray(entries, dtype=float)
     along = to - from_
     lengths = np.linalg.norm(along, axis=1)
@@ -159,9 +167,10 @@ def candidate_paths(
     entries: Floats,
     n_aims: int = 5,
 ) -> tuple[Floats, Floats]:
-    """Entries and tips [m], (n n_aims, dim): from each entry to the predicted target, and to points beside it.
+    """Entries and tips of candidate paths [m], (n n_aims, dim) each: n_aims paths from each entry.
 
-    n_aims: odd number; one aim is the centre, others are up to 0.6 radii off: on both sides or, in space, all around
+    entries: [m], (n, dim); n_aims: an odd number. One path aims at the displaced target's centre. The others aim at
+    points up to 0.6 radii from it: in the plane on both sides, in space all around.
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)
@@ -193,7 +202,7 @@ def plan(
 ) -> Plan:
     """Evaluate and rank straight paths from entries to tips [m], (n, dim), such as those of `candidate_paths`.
 
-    Raises ValueError for shapes that do not match and paths without length, NetworkError without a rest shape.
+    Raises ValueError for shapes that do not match and for a path without length; NetworkError without a rest shape.
     """
     along = tips - entries
     lengths = np.linalg.norm(along, axis=1)
@@ -202,7 +211,7 @@ def plan(
     directions = along / lengths[:, None]
     pushed = needle_displacement(network, compliance(network, target), needle, tips, entries)
     means = lesion.mean + pushed
-    # the forces have one common relative error: the target stays on the line of the push
+    # all forces have one common relative error, which changes the length of the displacement, not its direction
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
     covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
     hits = ball_hits(tips - means, covs, lesion.radius_m)

@@ -1,4 +1,4 @@
-"""Push of an insertion on the target before the needle arrives; advice aims at the pushed target."""
+"""Displacement of the target by the needle before it arrives; advice aims at the displaced target."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from estimators.process.target import TargetPoint, target_map
 
 
 class NeedlePush:
-    """Predicted push of a needle on the target of a network, to first order about its rest [dimaio2003].
+    """Predicted displacement of the target by a needle's forces, to first order about rest [dimaio2003].
 
-    If the needle is already inside, the marks show its push so far. A body without support moves as a whole, which a
-    static response does not describe: no push is predicted for it.
+    If the needle is already inside, only the displacement by the rest of the insertion is predicted: the marks show
+    the displacement so far. A body without support moves as a whole, which a static response does not describe; for
+    such a body no displacement is predicted.
 
-    target: a node's name or a point of the tissue; needle: forces [N, N/m], their width [m] and relative error [1]
+    target: a node's name or a point of the tissue; needle: constants of the needle's forces
     """
 
     def __init__(self, network: MassSpringNetwork, target: str | TargetPoint, needle: PlannedNeedle) -> None:
@@ -32,7 +33,7 @@ class NeedlePush:
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """Further shift of the target by an insertion as deep as the resting target [m], (dim,)."""
+        """Further displacement of the target until the tip is as deep as the target at rest [m], (dim,)."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)
@@ -43,6 +44,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """The target's path including the push, with the uncertainty of the forces."""
+        """The path with the displacement by the needle; the covariance includes the uncertainty of its forces."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

@@ -1,4 +1,4 @@
-"""Settings of advice: thresholds, and limits for an estimate that advice may use."""
+"""Settings of advice, and the test whether advice may use an estimate."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from estimators.tissue.estimate import Status, TargetEstimate
 class AdviceSettings:
     """Settings of advice: thresholds, and the range of start times.
 
-    go: least probability of a hit for GO; choice
-    worth: least gain in probability for which to wait; choice
-    horizon_s: latest start time of an insertion, from now [s]; choice
+    go: least hit probability for GO; choice
+    worth: least gain in hit probability that justifies waiting; choice
+    horizon_s: time from now to the latest start of an insertion [s]; choice
     step_s: interval between start times [s]; choice
     stale_s: age above which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark above which an estimate gives no guidance [s]; choice
-    needle_s: time without a new pose above which a tracked needle counts as unseen [s]; choice: ten poses at 10 Hz
-    overshot_m: depth beyond the aim from which a tip has to be retracted [m]; choice
-    abort: hit probability, as a share of go, below which a needle inside after GO has to stop; choice
-    abort_s: time of uninterrupted guidance after which the stop ends [s]; choice
+    needle_s: time without a new pose above which a tracked needle counts as not visible [s]; choice: ten poses at 10 Hz
+    overshot_m: distance of the tip beyond the aim above which the needle has to be retracted [m]; choice
+    abort: after GO, a needle inside has to stop if its hit probability is below abort times go; choice
+    abort_s: longest time from GO to the entry, and time for which advice must last before it ends ABORT [s]; choice
     """
 
     go: float = 0.9
@@ -48,7 +48,7 @@ class AdviceSettings:
 
 
 def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
-    """The reason why an estimate gives no guidance at this time [s]; None if it gives guidance.
+    """The reason why advice must not use an estimate at this time [s]; None if it may.
 
     seen_s: time of the last mark used [s], None if none was used
     """

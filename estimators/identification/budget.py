@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A `map` function, such as that of a process pool; its function and arguments can be pickled."""
+"""Function like `map`, for example the one of a process pool; its arguments must be picklable."""
 
 UNLIMITED = float("inf")
 """Time limit that is never reached."""
@@ -29,11 +29,11 @@ class OutOfTimeError(Exception):
 
 
 class Progress:
-    """Completed share of a search, measured in frames that passes of the filter have processed.
+    """Completed share of a search: number of processed frames, divided by the expected number.
 
-    Frames are counted in this process; those of passes in other processes count when the passes return.
+    A frame counts when this process has processed it or, for a pass in another process, when the pass returns.
 
-    State: `seen`, frames counted; `returned`, frames of the passes that have returned.
+    State: `seen`, number of frames counted; `returned`, number of frames of the passes that have returned.
     """
 
     def __init__(self, expected: float, advance: Callable[[float], None]) -> None:
@@ -46,16 +46,16 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count the frames of passes that returned, in total n_frames, unless they were counted before."""
+        """Count the n_frames frames of passes that have returned, unless `frame` has counted them."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)
 
 
 class Budget:
-    """A time limit [s] that starts now.
+    """A time limit, counted from construction on.
 
-    State: start time, by a clock that never goes back.
+    State: start time, by a monotonic clock.
     """
 
     def __init__(self, seconds: float = UNLIMITED, clock: Callable[[], float] = time.monotonic) -> None:
@@ -70,13 +70,13 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """A budget with the same limit, which also calls `on_check` at each check in this process."""
+        """A budget with the same limit whose `check` also calls `on_check`, but only in this process."""
         some = self.part(1.0)
         some._on_check = on_check
         return some
 
     def part(self, share: float) -> Budget:
-        """A budget with a share of the time and the same start."""
+        """A budget with the same start, limited to a share of this budget's time."""
         some = Budget(share * self.seconds, self._clock)
         some._began = self._began
         return some

@@ -1,8 +1,8 @@
 """Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
-Gauss-Newton on the innovations of hidden marks: the filter takes the constants as exact and computes the sensitivity of
-its error to each of them. Its innovations y, of covariance S, are then noise plus T theta, with T their sensitivity to
-the constants and theta the errors of the constants. Source: [friedland1969].
+Gauss-Newton on the innovations of hidden marks. The filter treats the constants as exact, and computes the sensitivity
+T of each innovation to the errors theta of the constants. An innovation is then T theta plus noise of the innovation
+covariance. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three, and a tenth for rest
+"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three, but 10 % for rest
 lengths, which are measured in a picture."""
 
 START_SDS = 4.0
-"""Largest range of starts, in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
+"""Largest distance of a start in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """Settings of the identification: number of starts of the search, and retained share of the covariance.
+    """Settings of the identification.
 
-    kept: retained directions explain this share of the target's variance due to the constants; choice
+    kept: share of the target's variance due to the constants that the retained directions have to explain; choice
     n_starts: number of points from which the search starts, the given constants first; choice
     """
 
@@ -64,13 +64,13 @@ class IdentificationResult:
     network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
     cov: covariance of these logs, (n, n), inflated for correlated innovations and for ambiguity of the search
-    prior_sd: prior standard deviations of the logs, (n,)
-    uncertainty: the few directions of the covariance that matter for the target
+    prior_sd: prior standard deviations of these logs, (n,)
+    uncertainty: uncertainty of the constants, reduced to the few directions that matter for the target
     passes: number of filter passes; converged: whether the search ended within its tolerance
     residuals: test of the residuals
-    log_likelihood: log likelihood of the recording's hidden marks; log_likelihood_before: that with the given constants
-    target_error_m, target_error_before_m: median error of the target against its unused mark [m]; None: not measured
-    n_starts, n_agreeing: number of starts, and number of starts that led to these constants
+    log_likelihood, log_likelihood_before: of all hidden marks, with the estimated and with the given constants
+    target_error_m, target_error_before_m: median distance of the predicted target from its mark, likewise [m]
+    n_starts, n_agreeing: number of starts, and number of starts that led to the estimated constants
     n_frames: number of frames that were used
     in_time: False if the time was too short for all frames, starts and passes
     n_limited: number of directions in which the covariance would exceed the prior and was limited to it
@@ -111,10 +111,10 @@ class IdentificationResult:
         return np.asarray(self.change == 0.0)
 
     def identifiable(self) -> tuple[Floats, Floats]:
-        """Share of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
+        """Ratio of posterior to prior variance along each direction, largest first, (n,); directions as rows, (n, n).
 
-        Directions refer to the logs of the constants, in prior standard deviations. Directions with most of the
-        variance left are not identified: they have less Fisher information than the prior.
+        Directions refer to the logs of the constants, in prior standard deviations. If a ratio is above 0.5, the
+        recording contains less information on the direction than the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -136,14 +136,14 @@ def identify_constants(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
-    """Identify a network's constants of the kinds in prior_sd from a recording, on a log scale; masses are not fitted.
+    """Identify a network's constants of the kinds in prior_sd from a recording, on a log scale.
 
     frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
     rests_as_drawn: whether the drawn shape was measured at rest, see `group_prior_sd`
     spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
-    workers: `map` of this process, or of a pool of processes that share the passes of the filter
-    `advance` is called with the completed share. Raises IdentificationError if the target has no mark or is the only
-    marked node, if the time is too short for any result, and if no constants give a finite filter.
+    workers: `map`, or that of a pool of processes; `advance` is called with the completed share
+    Raises IdentificationError if the target has no mark or is the only marked node, if the time is too short for any
+    result, and if the filter fails numerically from all starts.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} in a frame, found it in none of {len(frames)} frames")
@@ -161,10 +161,10 @@ def identify_constants(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """Result of the search: the best start, the pass with the given constants, number of starts, and how many agree.
+    """Result of the search from all starts.
 
-    used: the frames that were used
-    left_open: mean square of the differences between results, and of an unfinished search's last step, (n, n)
+    before: the pass with the given constants; n_agreeing: number of starts that led to the best constants
+    used: the frames that were used; left_open: ambiguity of the search in prior units, (n, n)
     """
 
     best: Optimum
@@ -180,7 +180,8 @@ def _searched(
 ) -> _Found:
     """Search from several starts with a part of the frames, then from the best result with all frames.
 
-    The last search starts from the given constants if all frames make them more probable. Raises OutOfTimeError.
+    If the given constants are more probable than this result with all frames, the last search starts from them. Raises
+    OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -204,7 +205,7 @@ def _searched(
     if len(screened) < len(used):
         try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
-            # a fit to a part, which begins in motion, may be less probable on all frames than the given constants
+            # the best constants for a part, which begins in motion, may be less probable for all frames than the given
             begins = most_probable([there, given])
             best, before = climbed(of_all, begins, problem.sd), given.found
             if not best.converged:
@@ -237,7 +238,7 @@ def _identified(
         with suppress(OutOfTimeError):
             as_kept = problem.at(theta, used) if theta.any() else found.before
             if as_kept.log_likelihood < found.before.log_likelihood:
-                # with some constants unchanged, the others fit worse than with all unchanged
+                # if some constants are kept, the others explain the recording worse than the given constants
                 theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
             else:
                 after = as_kept
@@ -277,10 +278,10 @@ def principal_uncertainty(
     *,
     kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """The few directions of an uncertainty that explain its effect on the target, if the target has no mark.
+    """An uncertainty, reduced to the few directions that explain its effect on the target; it needs no target marks.
 
-    They are the axes of the target's variance over the frames; the smallest axes, which together have less than
-    1 - `kept` of it, are omitted.
+    The directions are the principal axes of its contribution to the target's variance, summed over the frames. The
+    smallest axes, which together contribute less than 1 - `IdentificationSettings.kept`, are omitted.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target
@@ -289,7 +290,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty along the axes of its effect, (n, n), without small axes whose total share is below 1 - kept."""
+    """An uncertainty, reduced to the principal axes of its effect, (n, n), that explain the share `kept`."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -1,8 +1,8 @@
 """One pass of the filter through a recording: predictions of the hidden marks, and their sensitivity to constants.
 
-The filter uses only the marks of the marked nodes, as in tracking. The marks of all other nodes, at least the target's,
-are compared with its predictions. So the prior of pushes on the marked nodes matters little; if the filter used all
-marks, errors of that prior would look like errors of constants.
+The filter uses only the marks of the marked nodes, as in tracking. Its predictions are compared with the hidden marks,
+those of all other nodes including the target. The prior of the forces on the marked nodes therefore matters little. If
+the filter used all marks, errors of this prior would look like errors of the constants.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
 """Discrepancy, relative to the body's extent, if the settings do not state one [1]; choice: a level estimated from the
-marks would be large, to explain wrong constants."""
+marks would be too large, because it would also explain wrong constants."""
 
 SMALL = 1e-3
-"""Factor on the constants' standard deviations that the filter considers [1]; numerical: so small that the gains are
-those for exact constants."""
+"""Factor on the standard deviations of the constants in the filter [1]; numerical: so small that the gains are those
+for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """Information of a recording's hidden marks on the errors of the constants, in units of their directions.
+    """Information of a recording's hidden marks on the errors of the constants, along n independent directions.
 
     The log likelihood is composite: a sum over frames that are not independent of each other.
 
@@ -42,7 +42,7 @@ class Pass:
     information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
     effect: sum over the frames of T' T [m²], (n, n), with T the sensitivity of the target's error to each direction
-    target_error_m: median error of the target against its mark [m], None without a mark
+    target_error_m: median distance between the predicted target and its mark [m]; None if it has no mark
     """
 
     scores: Floats
@@ -60,7 +60,7 @@ class Pass:
 
 
 def failed_pass(n: int) -> Pass:
-    """Pass for constants that give no finite filter: zero likelihood, no information."""
+    """Pass with zero likelihood and no information, for constants with which the filter fails numerically."""
     none = np.zeros((n, n))
     return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 
@@ -73,10 +73,10 @@ def pass_through(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    """Run the filter through the frames with the constants taken as exact, and compute sensitivities to each direction.
+    """Run the filter through the frames as if the constants were exact; compute the sensitivity to each direction.
 
-    A considered constant has a covariance with the state; divided by its variance, it is the sensitivity of the state's
-    error. Source: [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
+    The covariance of the state with a constant, divided by the constant's variance, is the sensitivity of the state's
+    error to this constant [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

@@ -25,15 +25,15 @@ MOST_SINGLE = 24
 determines about twenty combinations of constants, and each constant adds a state to the filter."""
 
 LEAST_REST = 0.1
-"""Least remaining share of a rest length if a soft spring has to keep a large tension."""
+"""Least factor on a rest length if a softer spring has to keep a large tension."""
 
 SAME_DIGITS = 9
-"""Significant digits to which constants of one kind must agree to count as equal: those of a scene file."""
+"""Significant digits to which constants of one kind must agree to count as equal: as many as in a scene file."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind that share one factor: their indices among springs or nodes, and a name."""
+    """Constants of one kind with one common factor; places: their indices among springs or nodes."""
 
     kind: str
     places: tuple[int, ...]
@@ -50,9 +50,9 @@ def constant_groups(
 ) -> tuple[ConstantGroup, ...]:
     """The groups in which positive constants of these kinds are estimated, kind by kind.
 
-    spring_groups: name of each spring's group, (n_springs,), empty for a spring without group; or no names at all
-    Without names, springs of equal constants form a group if the network has more than `MOST_SINGLE` springs, and all
-    springs form one group if there would be more groups than that. Nodes of equal drag or friction also form groups.
+    spring_groups: name of each spring's group, (n_springs,), empty for a spring without a group; () for no names
+    Without names, each of up to `MOST_SINGLE` springs has its own group. If there are more springs, those of equal
+    stiffness form a group or, if these groups would be too many, all springs form one. Nodes are grouped alike.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -63,7 +63,7 @@ def constant_groups(
             names = _spring_names(network, spring_groups) if kind in OF_SPRINGS else _node_names(network, own)
             gathered: dict[str | int, list[Parameter]] = {}
             for one in own:
-                # a constant without a group forms its own: two springs may join the same nodes and have the same name
+                # a constant without a name is a group of its own; two springs between the same nodes have equal labels
                 gathered.setdefault(names.get(one.index, one.index), []).append(one)
             groups += [
                 ConstantGroup(
@@ -79,7 +79,8 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: error of the drawn shape at rest [1]; it limits a common factor of rest lengths, which changes that shape
+    strain: relative error of the drawn shape [1]; it limits the prior of a common factor of rest lengths, which changes
+    this shape
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)
@@ -91,16 +92,16 @@ def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """All constants that the groups' factors change: their own, and rest lengths of springs that share a stiffness."""
+    """All constants that the groups' factors change: those of the groups, and rest lengths as in `scale_groups`."""
     rest = (Parameter("rest_length", s) for group in groups if _shares("stiffness", group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
 
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
-    """The network with all constants of each group multiplied by exp(change), (n_groups,).
+    """The network with the constants of each group multiplied by exp(change), (n_groups,).
 
-    Springs that share a stiffness keep the tension that they have where the network is drawn: a tissue at rest in that
-    shape stays at rest at any stiffness.
+    If several springs have a common stiffness, their rest lengths change so that their tensions in the drawn shape stay
+    unchanged. A tissue that rests in this shape therefore rests in it at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)

@@ -16,8 +16,8 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames, those with most motion, for the search from all starts; choice: fewer frames do not
-contain half a swing of the phantom, more take longer. The best start continues with all frames."""
+"""Number of consecutive frames, those with the most motion, for the search from all starts; choice: fewer frames do not
+contain half an oscillation of the phantom, more take longer. The best result is then improved with all frames."""
 
 PASSES_A_SEARCH = 6
 """Expected number of filter passes of a search, for the progress and for the number of frames that the time allows."""
@@ -25,9 +25,9 @@ PASSES_A_SEARCH = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Estimation problem of a recording: theta (n,), logs of the groups' factors in prior standard deviations.
+    """Estimation problem of a recording; its unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
 
-    sd: prior standard deviation of each log, (n,); nodes: those that may be poked, and the target
+    sd: prior standard deviation of each log, (n,); nodes: the nodes that may be poked, and the target
     """
 
     network: MassSpringNetwork
@@ -38,16 +38,16 @@ class Problem:
     budget: Budget
 
     def model(self, theta: Floats) -> MassSpringNetwork:
-        """The network for a theta."""
+        """The network with the constants of theta, (n,)."""
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Directions of the constants; rows: for each, the change of the log of every group's factor, (k, n_groups)."""
+        """Uncertainty with k independent directions; rows: change of the log of each group's factor, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
     def at(self, theta: Floats, frames: Frames) -> Pass:
-        """Run the filter through frames. Raises OutOfTimeError."""
+        """Run the filter through frames with the constants of theta. Raises OutOfTimeError."""
         model = self.model(theta)
         prior = self.directions(model, np.diag(self.sd))
         return pass_through(model, prior, frames, self.nodes, self.settings, self.budget)
@@ -57,7 +57,7 @@ class Problem:
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """Number of starts and the frames that the time allows; one start if several would leave too few frames.
+        """Number of starts and frames for which the time suffices; one start if the time is too short for several.
 
         Raises OutOfTimeError if the time is too short even for one start.
         """

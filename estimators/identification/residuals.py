@@ -1,4 +1,4 @@
-"""Test whether innovations are as large as expected; standard errors that allow for their correlation."""
+"""Test whether innovations are as large as expected; standard errors that account for their correlation."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ LEVEL = 0.01
 """Significance level at which residuals are reported as unexplained; choice."""
 
 ROUNDING = 1e-9
-"""Relative excess of a variance over the prior variance that rounding explains; numerical."""
+"""Relative excess of a variance over the prior variance that rounding errors may cause; numerical."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
     """Test of the innovations of the hidden marks, with the estimated constants.
 
-    size: mean square of the normalised innovations [1]; 1 for a right model, up to sampling
-    inflation: largest ratio of a standard error to that for independent frames, over all directions [1]
-    n, n_effective: number of innovations, and the effective number of independent ones
+    size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
+    inflation: largest ratio, over all directions, of a standard error to its value for independent frames [1]
+    n, n_effective: number of innovations, and number of independent innovations with the same information
     explained: whether the size is within the sampling error of a right model
     """
 
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    It is the largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a
-    prior of unit variance added to both. Source: [pauli2011], which takes the mean ratio. The largest is used here,
-    because in one direction all the evidence may come from errors of the model.
+    The factor is the largest ratio, over directions, of the scores' long-run covariance to the stated information; the
+    prior's information, 1, is added to both. Differs from [pauli2011], which takes the mean ratio: the evidence in one
+    direction may come entirely from errors of the model.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -68,12 +68,12 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """A covariance of constants at theta, (n,), limited by the prior, (n, n), and the number of limited directions.
+    """A covariance of constants, limited by the prior, (n, n), and the number of limited directions.
 
-    cov: covariance in prior standard deviations, (n, n)
-    The ambiguity of a search is unbounded, but the error of the constants is not. Without information in the data, the
+    cov: covariance, (n, n); theta: estimated constants, (n,), both in prior standard deviations
+    The ambiguity of a search has no bound, but the error of the constants has. If the data contain no information, the
     mean square error of theta is B = 1 + theta theta': the prior variance plus the squared distance from the prior
-    mean. In each direction the smaller of cov and B is kept.
+    mean. In each direction, the result is the smaller of cov and B.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)
@@ -82,14 +82,14 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     largest = float(ratios.max(initial=0.0))
     if largest <= 1.0 + ROUNDING:
         return cov, 0
-    # a variance below the rounding of a much larger one is unknown, and so is the information on that direction
+    # a variance below the rounding error of a much larger one is unknown, and the prior replaces it
     limited = (ratios > 1.0 + ROUNDING) | (ratios < len(theta) * np.finfo(float).eps * largest)
     turned = root @ axes
     return np.asarray((turned * np.where(limited, 1.0, ratios)) @ turned.T), int(limited.sum())
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:
-    """Covariance of the sum of a series (k, n) that is correlated over up to n_lags steps, (n, n).
+    """Covariance, (n, n), of the sum over a series, (k, n), that is correlated over up to n_lags steps.
 
     Source: [newey1987], equation (5).
     """

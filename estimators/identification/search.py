@@ -14,10 +14,10 @@ from estimators.identification.filter_pass import Pass
 from estimators.identification.residuals import times_counted
 
 MOST_PASSES = 24
-"""Largest number of iterations; choice: three to eight are usual, more if the given constants are far off."""
+"""Largest number of passes of a search; choice: three to eight are usual, more if the given constants are far off."""
 
 CONVERGED = 0.2
-"""Tolerance of the iteration, in standard errors of a constant: it adds at most 2 % to the error."""
+"""Step below which a search ends, in standard errors of each constant: it adds at most 2 % to the error."""
 
 AGREEING = 1.0
 """Standard errors of a constant within which two results agree; results further apart are different solutions."""
@@ -29,19 +29,19 @@ LONGEST_MOVE = 1.0
 """Longest step of the logarithm of a constant, a factor of e: beyond it the linear model of the step is invalid."""
 
 START_SEED = 1
-"""Seed of the scrambled Sobol sequence of starts: the same recording gives the same constants."""
+"""Seed of the scrambled Sobol sequence of starts; with a fixed seed, a recording always gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""Function that returns the pass through the recording at a point, (n,), in prior standard deviations."""
+"""Function that returns the pass through the recording with constants theta, (n,), in prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """Result of a search: theta (n,), in prior standard deviations, and the pass at this point.
+    """Result of a search: the best constants theta, (n,), in prior standard deviations.
 
-    at_start: the pass at the search's start; passes: number of passes
-    converged: whether a further step would be below `CONVERGED`; in_time: whether the time sufficed
-    times: factor by which the log likelihood overstates the frames' information, see `times_counted` [1]
+    found, at_start: the passes with theta and with the constants at the start; passes: number of passes so far
+    converged: whether the next step is below `CONVERGED`; in_time: False if the time ended before the search
+    times: factor by which the log likelihood overstates the information of the frames, see `times_counted` [1]
     """
 
     theta: Floats
@@ -58,7 +58,7 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """Log posterior as `log_posterior`, with the log likelihood divided by this factor [1]."""
+        """Log posterior up to a constant, with the log likelihood divided by the factor `times` [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
@@ -67,13 +67,13 @@ class Optimum:
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
-        """Whether another search agrees with this one within `AGREEING` standard errors."""
+        """Whether each constant of another search is within `AGREEING` standard errors of this search's."""
         sd = np.sqrt(np.diag(np.linalg.inv(self.precision)))
         return bool((np.abs(other.theta - self.theta) < AGREEING * sd).all())
 
 
 def starts(spread: Floats, n: int) -> Floats:
-    """The starting points, (n, n_constants): the origin, then Sobol points between -spread and spread."""
+    """Starting points, (n, n_constants): zeros, then Sobol points between -spread and spread, (n_constants,)."""
     if n == 1:
         return np.zeros((1, len(spread)))
     sobol = qmc.Sobol(len(spread), seed=START_SEED).random_base2(max(0, int(np.ceil(np.log2(n - 1)))))
@@ -81,19 +81,19 @@ def starts(spread: Floats, n: int) -> Floats:
 
 
 def begun(at: At, start: Floats) -> Optimum:
-    """A search after one pass at its start. Raises OutOfTimeError."""
+    """Begin a search with a pass at its start. Raises OutOfTimeError."""
     first = at(start)
     return Optimum(start, first, first, 1, converged=False, times=times_counted(first))
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The search with the highest posterior, the first of equal ones; all log likelihoods are divided by one factor."""
+    """The search with the highest posterior; all log likelihoods are divided by one factor to be comparable."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
 
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
-    """The maximum of the posterior from a start; the best point so far if the time is over.
+    """Maximise the posterior from a start; if the time ends first, return the best point so far.
 
     unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError before the first
     pass ends.
@@ -102,7 +102,7 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """As `gauss_newton`, but continues an earlier search at its best point."""
+    """Continue an earlier search from its best point, as `gauss_newton` does."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
@@ -132,7 +132,7 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
 
 
 def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
-    """As `gauss_newton`; None if the time is over before the first pass ends."""
+    """Result of `gauss_newton`; None if the time ends before the first pass."""
     try:
         return gauss_newton(at, start, unit)
     except OutOfTimeError:
@@ -140,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """Results of the starts in order, until one ran out of time. Raises OutOfTimeError if there is no result."""
+    """Results in the order of the starts, up to the first None. Raises OutOfTimeError if there is no result."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

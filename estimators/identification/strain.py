@@ -1,4 +1,4 @@
-"""Estimation of the discrepancy's level from a recording: the relative error of the model's displacements."""
+"""Estimation of the discrepancy, the relative error of the model's displacements, from a recording."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from estimators.identification.stretch import affordable, frame_seconds, from_fi
 from estimators.tissue.settings import FilterSettings
 
 STRAINS = (0.002, 0.003, 0.01, 0.03)
-"""Levels that are compared, relative to the body's extent [1]; choice."""
+"""Levels of the discrepancy that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
-"""Smallest level for a model with guessed constants, because marks do not show how well it predicts the target [1];
-measured: docs/filter.md."""
+"""Smallest level for a model with guessed constants [1]: the marks do not show how well such a model predicts the
+target; measured: docs/filter.md."""
 
 REFUTED = 3.0
-"""Difference of log likelihood from the best level above which a level is rejected [1]; choice."""
+"""A level is rejected if its log likelihood is below that of the best level by more than this [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
     """Estimated level of the discrepancy.
 
-    settings: the settings with that level
-    names, values, log_sd: the tuned setting, its value in its unit, and the standard error of the value's logarithm
-    [1], each (1,)
-    log_likelihood: summed over marks, each given the others of its frame; log_likelihood_before: at the earlier level
+    settings: the settings with the estimated level
+    names, values, log_sd: the setting, its value [1], and the standard error of the value's logarithm [1], each (1,)
+    log_likelihood: sum over all marks of the log likelihood of each mark, given the other marks of its frame
+    log_likelihood_before: this sum for the level before the estimation
     n_frames: number of frames that were used; in_time: False if the time was too short for all frames and passes
     """
 
@@ -50,7 +50,7 @@ class TuningResult:
 
 @dataclass(frozen=True, slots=True)
 class _Passes:
-    """Passes through frames: for each level the log likelihood of each mark given the others of its frame."""
+    """Passes through frames: log likelihood of a level, from each mark given the other marks of its frame."""
 
     network: MassSpringNetwork
     nodes: tuple[Sequence[str], str]
@@ -87,15 +87,14 @@ def tune_strain(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Estimate the discrepancy's level from a recording: the largest level that the marks do not reject.
+    """Estimate the level of the discrepancy from a recording: the largest of `STRAINS` that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the other marks of its frame; the joint likelihood hardly
-    depends on how well marks predict a hidden position. The standard error is that of the level's logarithm, for equal
-    prior probabilities of the levels.
+    Levels are compared by the likelihood of each mark given the other marks of its frame, because the joint likelihood
+    hardly depends on how well marks predict a hidden position. All levels have the same prior probability.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
     uncertainty: uncertainty of the constants
-    budget: time limit; workers: processes that share the passes; `advance` is called with the completed share
+    budget: time limit; workers: `map`, or that of a pool of processes; `advance` is called with the completed share
     is_identified: whether the constants were identified from the tissue; levels below `UNSEEN` are compared only then
     Raises IdentificationError if the time is too short for any result.
     """
@@ -129,7 +128,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a logarithm, from the log likelihoods of its evenly spaced values."""
+    """Standard deviation of a logarithm with a uniform prior, from its log likelihood at some places."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

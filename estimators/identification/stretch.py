@@ -1,4 +1,4 @@
-"""Selection of a recording's frames if the time is too short for all: consecutive ones with most motion."""
+"""Selection of the consecutive frames with the most motion, if the time is too short for all frames of a recording."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from estimators.identification.budget import Budget, OutOfTimeError
 from estimators.identification.filter_pass import Frames
 
 LEAST_FRAMES = 10
-"""Fewest frames for an estimate of constants or noise levels."""
+"""Least number of frames for an estimation."""
 
 PROBED = 3
-"""Number of frames over which a pass is timed, after the same number of frames that load compiled code."""
+"""Number of frames of a timed pass; an earlier pass through them, which is not timed, loads the compiled code."""
 
 TIMED = 3
 """Number of timed passes, of which the quickest counts; numerical: an interruption by other programs takes longer than
-a few frames, and including it would stop a fit too early."""
+a few frames, and including it would stop an estimation too early."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
@@ -26,7 +26,7 @@ def from_first_marks(frames: Frames) -> Frames:
 
 
 def liveliest(frames: Frames, n: int) -> Frames:
-    """The n consecutive frames in which the marks move most, by the sum of their squared steps."""
+    """The n consecutive frames with the most motion: the largest sum of squared steps of the marks between frames."""
     if n >= len(frames):
         return frames
     if n < 1:
@@ -40,14 +40,14 @@ def liveliest(frames: Frames, n: int) -> Frames:
             last[mark.node] = mark.position
     total = np.concatenate([[0.0], np.cumsum(steps)])
     moving = total[n:] - total[:-n]
-    # a filter starts with marks
+    # the first frame must have marks, because a filter starts with them
     moving[[not marks for _, marks in frames[: len(moving)]]] = -1.0
     first = int(np.argmax(moving))
     return frames[first : first + n]
 
 
 def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budget) -> float:
-    """Time of a pass per frame [s], the shortest of a few; 0 if the time is unlimited."""
+    """Computing time of a pass, per frame [s]: the shortest of `TIMED` passes; 0 if the time is unlimited."""
     if not np.isfinite(budget.seconds):
         return 0.0
     some = frames[:PROBED]
@@ -61,10 +61,10 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """All frames or, if the time does not allow n_passes passes, the longest part it allows, with the most motion.
+    """All frames, or the `liveliest` of them if the time left is too short for n_passes passes through all.
 
-    frame_s: time of a pass per frame [s]; reserved_s: time reserved for other work [s]. Raises OutOfTimeError
-    for fewer than `LEAST_FRAMES` frames.
+    frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
+    Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.
     """
     if frame_s <= 0.0:
         return frames
