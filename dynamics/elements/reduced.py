@@ -108,7 +108,7 @@ def smooth_shapes(
     forces : (n_nodes dim, n_forces)
         Independent forces, each of one standard deviation [N].
     rates : sequence of float
-        Rates at which the forces may grow [1/s].
+        Rates s of the exponential growth exp(s t) of the forces [1/s].
     least_m : float
         Root mean square displacement, weighted by mass, below which a shape is omitted [m].
     """

@@ -47,7 +47,7 @@ def build_network(
 
     Constants of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
 
-    Raises NetworkError for invalid arguments, and if no rest lengths near the drawn ones let the network rest as drawn.
+    Raises NetworkError for invalid arguments, and if small changes of rest lengths cannot balance the drawn shape.
     """
     known = _places(names)
     x = _numbers("positions", positions)

@@ -73,9 +73,9 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes, the tangent stiffness of a spring is at most k in any direction, with k the largest dT/dl or T / l.
-    The graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. With w² and d the
-    largest eigenvalues of these bounds per mass, every eigenvalue of the linearised motion is at most
-    (d + sqrt(d² + 4 w²)) / 2.
+    The graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. Let w² and d
+    be the largest eigenvalues of these two Laplacians, divided by the masses. The eigenvalues of the linearised motion
+    have magnitudes of at most (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

@@ -49,8 +49,8 @@ class Lattice:
     depths : (n,)
         Distance of each point to the nearest surface of the structure [m], negative inside.
     alignment : (n_springs,)
-        Squared cosine of the angle between the spring and the nearest surface of the structure [1]: 1 along a layer,
-        wall, duct or fibre, 0 across. Its mean over random directions is 2/3.
+        Squared cosine of the angle between the spring and the nearest surface of the structure. It is 1 along a layer,
+        wall, duct or fibre, and 0 across. Its mean over random directions is 2/3.
     """
 
     mesh: TetMesh

@@ -70,7 +70,8 @@ class HypothesisFilter:
     level : LevelPosterior, optional
         Level of the discrepancy; default: 1.
     groups : callable, optional
-        Returns, for each name, its own rows and the rows withheld with it, (k, dim); arguments: names, rows of each.
+        Called with the names of observations and the rows of each. For each name it returns these rows and those that
+        are left out together when the observation is predicted from others, (k, dim).
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int

@@ -10,7 +10,7 @@ from estimators.filters.kernels import chol_lower
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved (n, n). T is zero except for `rows` (r, c) at its top left and the diagonal `fading`."""
+    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left, then the diagonal `fading`."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T

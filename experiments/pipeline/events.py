@@ -47,7 +47,7 @@ def _edited(scene: Scene) -> bool:
 def rest_line(scene: Scene) -> str | None:
     """A message if the network's rest shape is not the drawn one, which displaces the predicted target; else None.
 
-    The usual cause is that rest lengths equal the drawn lengths, although gravity stretches the springs. If the rest
+    The usual cause is that the unloaded springs have the drawn lengths, although gravity stretches them. If the rest
     lengths were identified, there is no message: changes of other constants may have moved the rest shape since then.
     """
     if rest_is_known(scene):

@@ -36,7 +36,7 @@ VIEW_MM = 62.0
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """The network as drawn and at rest (in space from two sides); each mark's share of information on the target."""
+    """Figure of the network, as drawn and at rest, and of each mark's share of the information on the target."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 

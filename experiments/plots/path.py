@@ -138,7 +138,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """Draw a close-up of the paths with ellipses; returns the numbers of ellipses drawn, and omitted as too large."""
+    """Draw a close-up of the paths with ellipses; return how many ellipses were drawn, and how many were too large."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -207,7 +207,7 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 
 
 def _film(done: Track, ax: Axes) -> bool:
-    """Draw the first frame of the film around the network; False without a film or an upright camera."""
+    """Draw the network's part of the film's first frame; return False if there is no film or its axes are turned."""
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
         return False

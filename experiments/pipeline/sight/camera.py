@@ -120,8 +120,8 @@ class CameraSight:
 class CameraPose:
     """Estimator of the pose of a camera in space from its reference marks.
 
-    State: the filter of the pose, whose measurements are positions in the picture, scaled to metres at the distance of
-    the marks; the finder of the reference marks, which has the camera with its present pose and its errors.
+    State: the pose filter, which measures positions in the picture, in metres at the distance of the marks; the finder
+    of the reference marks, which holds the camera with its estimated pose.
     """
 
     def __init__(self, scene: Scene, number: int) -> None:
