@@ -31,7 +31,8 @@ class LeaveOneOut:
     """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
 
     If the errors of these predictions exceed their covariance, the model is wrong, also at the target. Therefore the
-    target's covariance is multiplied by the factor on the predicted variance that makes the errors most probable.
+    target's covariance is multiplied by the factor, at least 1, on the predicted variance that makes the errors most
+    probable.
 
     State: tissue, the target's filter; without, for each marked node the filter that does not use its mark; scale, the
     factor on the target's covariance; checks, the results of the last frame by node.

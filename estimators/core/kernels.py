@@ -1,11 +1,12 @@
-"""Compiled loops of the filter: covariances after a transition, likelihoods of withheld marks, and outliers."""
+"""Compiled loops of the filter: covariances after a transition, likelihoods of withheld marks, and outliers.
+
+Kernels that call each other are in one file, because numba's disk cache ignores changes in other files.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
-
-from estimators.filters.kernels import chol_lower
 
 
 @njit(cache=True, nogil=True)
@@ -50,11 +51,15 @@ def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ig
 @njit(cache=True, nogil=True)
 def _whitened(A, b):  # type: ignore[no-untyped-def]
     """Lower Cholesky factor L of A (n, n), and L^-1 b, (n,); raises LinAlgError."""
-    L, is_definite = chol_lower(A)
-    if not is_definite:
-        raise np.linalg.LinAlgError("expected a positive definite matrix, found another")
-    white = b.copy()
+    L, white = np.zeros(A.shape), b.copy()
     for row in range(len(b)):
+        for column in range(row + 1):
+            left = A[row, column]
+            for k in range(column):
+                left -= L[row, k] * L[column, k]
+            if column == row and not left > 0.0:
+                raise np.linalg.LinAlgError("expected a positive definite matrix, found another")
+            L[row, column] = np.sqrt(left) if column == row else left / L[column, column]
         white[row] = (b[row] - L[row, :row] @ white[:row]) / L[row, row]
     return L, white
 

@@ -88,7 +88,7 @@ class Contradiction:
             for node in estimate.information_share
             if estimate.time_s - self._used_s.get(node, estimate.time_s) > self._settings.away_s
         ]
-        if not back or estimate.nis is None:
+        if not back or estimate.nis is None or not estimate.degrees:
             return None
         if chi2.sf(estimate.nis, estimate.degrees) >= self._settings.improbable:
             return None

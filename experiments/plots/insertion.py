@@ -103,9 +103,9 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates over the probabilities that the policy `filter-ahead` predicts when it starts to insert.
+    """Hit rates over the probabilities that the policy `filter-ahead` predicts at the commitment.
 
-    In each run the position of the lesion is drawn at random.
+    In each run the radius of the lesion is drawn at random.
     """
     return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 

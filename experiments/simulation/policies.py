@@ -192,8 +192,8 @@ class Filtered(Policy):
 class Ahead(Filtered):
     """Policy: aim at the target's predicted position at the needle's arrival.
 
-    While the breathing model is valid, it predicts this position, otherwise the filter does. The breathing model
-    describes motion without the needle; the predicted shift of the target by the needle is added to its prediction.
+    The filter predicts this position; while the breathing model is valid, its prediction is mixed in, weighted by its
+    probability. That model describes motion without the needle; the predicted shift by the needle is added.
     """
 
     name = "filter-ahead"
@@ -209,7 +209,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Path predicted by the filter's tables or, while the breathing model is valid, by that model."""
+        """Path by the filter's tables or, while the breathing model is valid, its mixture with that model's path."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:

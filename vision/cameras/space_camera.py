@@ -107,13 +107,6 @@ class SpaceCamera:
         """`Outline.shape_px`, (2, 2) [px], of a ball with this centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
-    def calibration_error_px(self, points_m: ArrayLike) -> Floats:
-        """Shifts [px], (n, 2, n_rows), of the projections of points [m], (n, 3), that rows of `calibration` cause."""
-        p = np.asarray(points_m, dtype=float).reshape(-1, 3)
-        if not len(self.calibration):
-            return np.zeros((len(p), 2, 0))
-        return self.moved_by(p, self.calibration)
-
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
         """Shifts [px], (n, 2, k), of the projections of points [m], (n, 3), by small errors of lens and pose.
 

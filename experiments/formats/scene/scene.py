@@ -128,7 +128,7 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of calibration errors that the filter estimates.
+        """Number of calibration errors that the filter considers.
 
         They are those of the first camera in the plane, or those of all cameras in space. If there are reference
         marks, errors of the pose of each camera or of the tracker follow.

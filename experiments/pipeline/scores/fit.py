@@ -71,7 +71,7 @@ class Fit:
 
 def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
     """The fit of a method's estimates; None without finite NIS."""
-    judged = [e for e in estimates if e.nis is not None and e.marks_used > 0 and e.status in SETTLED]
+    judged = [e for e in estimates if e.nis is not None and e.degrees > 0 and e.status in SETTLED]
     nis = np.array([e.nis for e in judged], dtype=float)
     degrees = np.array([e.degrees for e in judged], dtype=float)
     known = np.isfinite(nis)

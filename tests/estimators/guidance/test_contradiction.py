@@ -49,6 +49,11 @@ def test_a_mark_has_to_come_back_where_it_is_expected(away_s, p, contradicted):
         assert reason.startswith("mark M1 came back elsewhere")
 
 
+def test_a_mark_that_comes_back_without_a_measured_coordinate_contradicts_nothing():
+    back = replace(seen(1.0, nis=0.1), measured=0)
+    assert after(seen(0.0), *(seen(0.03 * k, ("M2", "M3")) for k in range(1, 33)), back) is None
+
+
 def test_a_large_innovation_of_marks_that_were_never_away_is_a_poke():
     assert after(*(seen(0.03 * k, nis=60.0) for k in range(20))) is None
 

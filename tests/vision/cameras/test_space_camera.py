@@ -90,7 +90,7 @@ def test_a_ball_is_as_wide_as_its_own_disc() -> None:
 def test_errors_of_the_calibration_move_places_by_their_slope() -> None:
     steps, h = 1e-3 * np.random.default_rng(1).normal(size=(4, 15)), 1e-3
     camera = camera_at(np.array([-0.2, 0.1, 0.5]), np.zeros(3), calibration=steps)
-    shifts = camera.calibration_error_px(POINTS)
+    shifts = camera.moved_by(POINTS, camera.calibration)
     for k, step in enumerate(steps):
         ahead, back = (
             SpaceCamera("left", (640, 480), LENS.moved(s * h * step[:9]), camera.pose.moved(s * h * step[9:]))
@@ -98,7 +98,7 @@ def test_errors_of_the_calibration_move_places_by_their_slope() -> None:
         )
         slope = (ahead.project(POINTS) - back.project(POINTS)) / (2.0 * h)
         np.testing.assert_allclose(shifts[:, :, k], slope, rtol=1e-4, atol=1e-4)
-    assert CAMERA.calibration_error_px(POINTS).shape == (40, 2, 0)
+    assert CAMERA.moved_by(POINTS, CAMERA.calibration).shape == (40, 2, 0)
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,12 @@ def test_starts_and_frames_without_marks_do_not_count():
     assert fit_of(others) is None
 
 
+def test_frames_whose_marks_measure_no_coordinate_do_not_count():
+    unmeasured = [replace(one, measured=0) for one in estimates([0.1] * 5)]
+    assert fit_of(unmeasured) is None
+    assert fit_of([*estimates([6.0] * 5), *unmeasured]).degrees == 6.0
+
+
 def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
     """Variances 1 and 2 m² in the plane: the root of their mean."""
     without = replace(estimates([6.0])[0], cov=None)
