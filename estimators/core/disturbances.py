@@ -20,8 +20,8 @@ class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
     Short forces act on each marked node independently. Their state is calm, poked (brief pushes) or led (a node is
-    dragged for longer). Since a poke pushes few nodes, the sum of the variances of short forces is limited. Slow
-    forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration, like a change of gravity.
+    dragged for longer). Slow forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration,
+    like a change of gravity.
     Short forces and slow forces each have a Markov chain of states; a mode is a pair of states. A continuum has only
     slow forces. For a stiff body, all strengths except calm_m_s2 and white are multiplied by `raised`.
 
@@ -47,8 +47,6 @@ class Disturbances:
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
-    n_poked : int
-        Largest sum of the variances of all short forces, divided by the variance of one force in its state; choice.
     bent : float
         Static displacement that a poke causes in a stiff body, relative to the body's extent [1]; choice.
     """
@@ -69,7 +67,6 @@ class Disturbances:
     fall_s: float = 30.0
     smooth: float = 0.25
     n_short: int = 3
-    n_poked: int = 3
     bent: float = 0.1
 
     @classmethod

@@ -115,6 +115,8 @@ def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
     for name in cameras:
         if name not in names:
             raise InputError.at(f"source of camera {name}", f"a camera of {path} ({', '.join(names) or 'none'})", name)
+    if len(scene.reference.looks) < len(scene.reference.marks):
+        raise InputError.at(f"{path}: reference.mark", "hue_deg and diameter_mm, which cameras need", "none")
     return scene
 
 

@@ -83,8 +83,7 @@ class NetworkMotion:
         may_be_pushed = self._may_be_pushed(nodes).astype(float)
         smooth = np.outer(may_be_pushed, may_be_pushed) * matern(apart, disturbances.smooth * self.extent_m)
         slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # a field and a uniform force
-        share = np.sqrt(min(1.0, disturbances.n_poked / len(marked)))
-        pushes = {"short": share * each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": slow}
+        pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": slow}
         self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes, disturbances)
         is_whole = self.span.matrix.shape[1] == assembly.n
         moving = assembly if is_whole else ReducedAssembly(assembly, self.span)

@@ -73,6 +73,8 @@ def read_films(
     """
     if scene.network.dim == 2:
         source_in(folder)  # raises InputError for several cameras
+    if len(scene.reference.looks) < len(scene.reference.marks):
+        raise InputError.at(f"{scene_path}: reference.mark", "hue_deg and diameter_mm, which films need", "none")
     others = [name for name in (*VIDEOS, FRAMES, MARKS) if (folder / name).exists()]
     if others:
         raise InputError.at(folder, "no other source beside films of named cameras", " and ".join(others))

@@ -75,7 +75,8 @@ class Scene:
         if self.target.offset_m:
             check_dim("target.offset_mm", self.target.offset_m, self.network.dim)
         self._check_cameras()
-        self.reference.check(self.network, self.cameras, self.marks, filmed=bool(self.cameras or self.space_cameras))
+        filmed = bool(self.cameras or (self.space_cameras and self.reference.looks))  # else another program sends marks
+        self.reference.check(self.network, self.cameras, self.marks, filmed=filmed)
 
     def _check_cameras(self) -> None:
         check_own_names("camera", [one.name for one in self.cameras] + [one.name for one in self.space_cameras])

@@ -57,7 +57,7 @@ def test_the_real_film(tmp_path):
     assert reported["frames"] == reported["frames_found"] == 334
     assert reported["mm_per_px"] == pytest.approx(1.33, abs=0.05)
     covered = {kind: figures["coverage95"] for kind, figures in reported["withheld"].items()}
-    expected = {"all": 0.82, "flying": 0.89, "after impact": 0.44, "leaning": 0.97}
+    expected = {"all": 0.81, "flying": 0.89, "after impact": 0.4, "leaning": 0.97}
     assert covered == pytest.approx(expected, abs=0.06)
     assert 40.0 <= reported["withheld"]["flying"]["mae_mm"] <= 60.0
     assert reported["labels"]["coordinates"] > 50
