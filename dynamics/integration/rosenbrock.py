@@ -47,7 +47,10 @@ class Move:
 
 
 def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
-    """Derivative and noises of several successive steps, see `dynamics.integration.kernels.along_steps`."""
+    """Jacobian of successive steps (2 n, m), decay of forces (n_f,) and noise covariances (1 + n_sources, m, m).
+
+    m = 2 n + n_f; sources (n_f,): index of each force's source; white (n,): see `kernels.along_steps`
+    """
     by_states, fadings = np.array([move.by_state for move in moves]), np.array([move.fading for move in moves])
     steps_s = np.array([move.step_s for move in moves])
     return tuple(along_steps(by_states, fadings, steps_s, sources, n_sources, white))

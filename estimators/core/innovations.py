@@ -141,7 +141,10 @@ class Outliers:
 def solved(
     found: tuple[Floats, ...], weights: Floats, observations: Sequence[Observation], outliers: Outliers | None
 ) -> Innovations:
-    """Innovations without outliers; found: y, S, H, HP; weights: of the hypotheses, (k,). Raises CovarianceError."""
+    """Innovations without outliers; raises CovarianceError.
+
+    found: innovations y (k, m), their covariances S (k, m, m), H (1 or k, m, n), H P (k, m, n); weights: (k,)
+    """
     y, S, H, HP = found
     overall = mixed(weights, y, S)
     with np.errstate(divide="ignore"):  # an omitted hypothesis stays omitted until the next prediction
