@@ -5,8 +5,8 @@ Names to start with:
     four_mass_phantom     network of the paper's phantom
     build_network         network from names, positions and edges of nodes
     MassSpringNetwork     nodes and springs, checked
-    rest_shape            positions of a network at rest
-    fit_rest_lengths      rest lengths of springs from a picture of the network at rest
+    rest_shape            positions of the nodes of a network at rest
+    fit_rest_lengths      rest lengths of springs from measured positions of the nodes at rest
     node_forces           forces on all nodes
     potential_energy      energy whose negative gradient is the force
     stiffness_matrix      minus the derivative of the forces with respect to positions

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 def made_again(record: DataclassInstance) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """Result of `__reduce__`: a pickled or copied record is constructed again from its fields.
 
-    The fields are therefore checked again, and the arrays are read-only. Without this, unpickled arrays would be
-    writable, and numba would compile its kernels again for them.
+    The new record is therefore checked, and its arrays are read-only. Writable arrays would make numba compile its
+    kernels again.
     """
     return type(record), tuple(getattr(record, field.name) for field in fields(record) if field.init)

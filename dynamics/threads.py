@@ -1,7 +1,7 @@
-"""One thread for linear algebra during a filter or mesh reduction: with small matrices, more threads only wait.
+"""Linear algebra in one thread during a filter or mesh reduction: for small matrices, further threads only wait.
 
-OPENBLAS_NUM_THREADS has no effect after NumPy is loaded, so the number of threads is set in the loaded libraries: in
-each OpenBLAS that the wheels of NumPy and SciPy include. Other libraries are not changed.
+OPENBLAS_NUM_THREADS has no effect after NumPy is loaded. The number of threads is therefore set in the loaded OpenBLAS
+libraries of NumPy's and SciPy's wheels. Other libraries are not changed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import scipy
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Use one thread inside the `with` block, and the previous number after it."""
+    """Use one thread inside the `with` block, and restore the previous number after it."""
     before = [(put, get()) for put, get in _libraries()]
     for put, n in before:
         if n != 1:
@@ -33,9 +33,10 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
-    """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include.
+    """Setter and getter of the number of threads, for each OpenBLAS library of NumPy and SciPy.
 
-    The calls keep the interpreter's lock: after a release in each frame, they would wait for other Python threads.
+    The calls do not release the interpreter's lock: a release in each frame would make them wait for other Python
+    threads.
     """
     found = []
     for package in (numpy, scipy):

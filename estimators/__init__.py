@@ -3,7 +3,7 @@
 Names to start with:
 
     TissueFilter          filter that predicts, updates and estimates the target
-    FilterSettings        its assumptions about unknown forces
+    FilterSettings        assumptions of the filter about unknown forces
     MarkMeasurement       measured position of a mark with its covariance
     TargetEstimate        estimated position of the target: mean, covariance, status
     OpenLoop              the paper's method, for comparison

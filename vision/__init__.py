@@ -1,19 +1,19 @@
 """Vision: cameras, detection and tracking of coloured marks, frame sources, synthetic frames.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Names of lengths in a picture
-end in _px; positions on the plane are in metres.
+end in _px. Positions on the plane are in metres.
 
 Names to start with:
 
     open_source           frames from a camera, film, folder or stream
     Frame                 image with its exposure time
-    MarkHue, learn_hue    colour range of a kind of mark, and learning it from a position in a picture
+    MarkHue, learn_hue    colour range of a kind of mark; learning it from a position in a picture
     detect_marks          detection of marks in one picture
     MarkFinder            detection and tracking of named marks in frames
     Expected              expected position of a mark
-    Detection             detected centre with its covariance
-    LostMark, Reason      reason why a mark was not found
-    Distractor            new object in a mark's colour that is no mark
+    Detection             detected centre of a mark with its covariance
+    LostMark, Reason      mark that was not found, and the reason
+    Distractor            new object in the colour of marks that is not a mark
     PlaneCamera           camera: mapping between pixels and a plane
     Board, find_board, calibrate    camera calibration
     synthetic_run         synthetic frames with known truth

@@ -1,4 +1,4 @@
-"""Force elements with energy, force and derivatives, and their sparse assembly.
+"""Force elements with energy, force and derivatives; sparse assembly of the elements.
 
 A new kind of `ForceElement` belongs here.
 """

@@ -1,4 +1,4 @@
-"""Assembly of the forces of all kinds of elements over the free coordinates of a mesh."""
+"""Assembly of the forces of all force elements over the free coordinates of a mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dynamics.forces.kernels import NodeConstants, Packed, linearised
 from dynamics.network.mass_spring import MassSpringNetwork
 
 COMPILED = (Springs, Weight, Resistance)
-"""Kinds of elements whose forces a single kernel adds up."""
+"""Kinds of elements whose forces are computed by one compiled kernel."""
 
 
 class Assembly:
@@ -29,7 +29,7 @@ class Assembly:
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement
-        Constants of springs, weights and resistances are read only once, at construction.
+        Constants of springs, weights and resistances are read only at construction.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Assembly:
         return total + self._of_others(q, v) if self._others else total
 
     def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """Results of `force` and, as dense matrices, of `tangents`, (n, n) each."""
+        """Results of `force` and of `tangents`, the latter as dense matrices, (n, n) each."""
         total, K, C = linearised(q, v, self.positions, self._place, *self._packed, True)
         if not self._others:
             return total, K, C
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """For one kind of element: entries of its blocks between free coordinates, and their rows and columns."""
+        """For one kind of element: entries of its blocks that belong to free coordinates; their rows and columns."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)
@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """Constants of all elements whose kinds are `COMPILED`; shape: (n_nodes, dim)."""
+    """Constants of all elements that have compiled laws (`COMPILED`); shape: (n_nodes, dim)."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

@@ -2,8 +2,8 @@
 
 A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
 forces are therefore smooth fields over the free surface. The modes span the body's responses to these forces and to
-changes of gravity's direction; the modes of a free body also span its affine motions. Source of the projection on
-responses: [benner2015].
+changes of gravity's direction. The modes of a free body also span its affine motions. The projection on responses
+follows [benner2015].
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from dynamics.network.continuum import FREE
 from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
-"""Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it linear
+"""Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below this ratio, linear
 tetrahedra bend well enough without patches, and the Cholesky factors are smaller."""
 
 SMOOTH = 0.2
@@ -53,42 +53,42 @@ SAMPLES = 500
 """Approximate number of surface nodes from which the functions are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""Root mean square displacement of the points by a mode, relative to the body's extent, below which the mode is omitted
-[1]; numerical. `POKE_M_S2` and `BENT` define the surface forces."""
+"""A mode is omitted if the root mean square displacement of the points in this mode, relative to the body's extent, is
+below this [1]; numerical. `POKE_M_S2` and `BENT` define the surface forces."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces for the choice of modes [m/s²], and least displacement of the points by these forces, relative to the
-body's extent [1]; for a stiff body, the forces are increased until it is reached. Choice: as for the filter's pokes."""
+"""Surface forces for the selection of modes [m/s²], and least displacement of the points by these forces, relative to
+the body's extent [1]; choice, as for the filter's pokes. For a stiff body, the forces are increased accordingly."""
 
 DEPENDENT = 1e-5
-"""Relative singular value below which a direction counts as linearly dependent on the other modes [1]; numerical."""
+"""Relative singular value below which a direction is linearly dependent on the other modes [1]; numerical."""
 
 NEAR = 0.02
-"""Largest distance from the surface at which an outside point is attached to it, relative to the extent [1]; choice:
-some millimetres, because measured marks may lie off a coarse surface."""
+"""Largest distance from the surface at which an outside point is attached to the surface, relative to the extent [1];
+choice: some millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
 """Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""A point counts as fixed if its weights for free nodes sum to less than this [1]; numerical: positions are rounded."""
+"""A point is fixed if the sum of its weights for free nodes is below this [1]; numerical: positions are rounded."""
 
 CHUNK = 2**16
-"""Number of strains that are computed at once; numerical: it limits the memory."""
+"""Number of strains that are computed at once, to limit the memory; numerical."""
 
 WALL = 12
 """Largest number of network nodes that show where the body is fixed."""
 
 
 class Points(NamedTuple):
-    """Points of a mesh: their positions [m], (k, 3), and for each point the weights of all nodes, (k, n_nodes)."""
+    """Points of a mesh: positions [m], (k, 3), and weights of all nodes for each point, (k, n_nodes)."""
 
     places: Floats
     weights: csr_array
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points of a mesh at these places [m], (k, 3), or at the surface if just outside; MeshError if far outside."""
+    """Points of a mesh at given places [m], (k, 3). Places just outside move to the surface; MeshError if far away."""
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -110,10 +110,10 @@ def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
 
 
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
-    """Weights that distribute a force on each point over the nodes of a patch around it, (k, n_nodes).
+    """Weights that distribute a force on each point over the nodes of a patch around the point, (k, n_nodes).
 
-    For a point on the surface, the patch has the surface nodes nearby, weighted by their areas. For a point inside, it
-    has all nodes nearby, weighted by their volumes.
+    For a point on the surface, the patch contains the surface nodes nearby, weighted by their areas. For a point
+    inside, the patch contains all nodes nearby, weighted by their volumes.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas
@@ -140,7 +140,7 @@ def continuum_network(
     Parameters
     ----------
     mesh : TetMesh
-        The body; its drawn shape is its rest shape under any gravity.
+        The body. It rests as drawn under any gravity.
     tissues : sequence of Tissue
         Tissues in the order of the region numbers.
     fixed : (n_fixed,) int
@@ -151,7 +151,7 @@ def continuum_network(
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        Threshold in place of `LEFT_OUT`; with 0, the modes span all responses to the smooth surface forces.
+        Threshold in place of `LEFT_OUT`. With 0, the modes span all responses to the smooth surface forces.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def continuum_network(
     Raises
     ------
     MeshError
-        A region has no tissue, no node is free, a point is outside, or a driven wall has no nodes.
+        If a region has no tissue, no node is free, a point is outside the mesh, or a driven wall has no nodes.
     """
     if mesh.regions.min() < 0 or mesh.regions.max() >= len(tissues):
         found = f"{mesh.regions.min()} to {mesh.regions.max()}"
@@ -257,7 +257,7 @@ def _extent(nodes: Floats) -> float:
 
 
 def _by_axis(weights: csr_array) -> csr_array:
-    """Weights of nodes (k, n), repeated for their coordinates, (3 k, 3 n)."""
+    """Weights of nodes (k, n), repeated for the three coordinates of each node, (3 k, 3 n)."""
     entries = weights.tocoo()
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
@@ -265,7 +265,7 @@ def _by_axis(weights: csr_array) -> csr_array:
 
 
 def matern(distances: Floats, length: float) -> Floats:
-    """Matern's 3/2 correlation at these distances; length: correlation length, in the unit of the distances."""
+    """Matern's 3/2 correlation at given distances; length: correlation length, in the unit of the distances."""
     scaled = np.sqrt(3.0) * distances / length
     return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
@@ -273,8 +273,7 @@ def matern(distances: Floats, length: float) -> Floats:
 def _smooth(places: Floats, length: float, count: int) -> Floats:
     """Functions at places (n, 3), as columns (n, count), by Nystroem's method.
 
-    The sum of the functions, each multiplied by an independent standard normal factor, is a random field with Matern's
-    3/2 correlation and variance 1.
+    Their sum, with independent standard normal factors, is a random field with Matern's 3/2 correlation and variance 1.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
@@ -290,7 +289,7 @@ def _smooth(places: Floats, length: float, count: int) -> Floats:
 def _modes(
     nodes: Floats, masses: Floats, K: csc_array, held: bool, responses: Floats, at_points: Floats, left_out: float
 ) -> tuple[Floats, Floats]:
-    """Modes (3 n, r), and the squares of their angular frequencies [1/s²].
+    """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²].
 
     The modes span the responses that move the points and, for a free body, its affine motions.
     at_points: displacement of the points in each response, (3 k, n_responses)

@@ -12,7 +12,7 @@ from dynamics.arrays import Floats
 
 
 class ForceElement(Protocol):
-    """Protocol of a force element; one object contains all elements of its kind.
+    """Protocol of a force element. One object contains all elements of its kind.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class ForceElement(Protocol):
 
     Notes
     -----
-    In every method `x` and `v` are positions [m] and velocities [m/s] of the corners, (n_elements, n_corners, dim).
+    In all methods, `x` and `v` are positions [m] and velocities [m/s] of the corners, (n_elements, n_corners, dim).
     """
 
     @property
@@ -41,4 +41,4 @@ class ForceElement(Protocol):
         """
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """For each kind of constant, change of the force per unit of the constant's log [N], shaped as `force`."""
+        """Derivative of the force with respect to the log of each kind of constant [N], shaped as `force`."""

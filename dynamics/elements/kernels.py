@@ -7,9 +7,9 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
 plus, for each patch, lambda / 2 times the squared mean of theta over its volume. The mean prevents locking of nearly
-incompressible elements. Dashpots with moduli mu' and lambda' add two stresses: A (2 mu' sym(A^T dF/dt)), with A = I in
-the linear law and A = F in the others; and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated,
-[lin2022] its rotation, [bonet2008] neo-Hookean, [souzaneto2005] patches. `dynamics.elements.tetrahedra` checks input.
+incompressible elements. Dashpots with moduli mu' and lambda' add two stresses. One is A (2 mu' sym(A^T dF/dt)), with
+A = I in the linear law and A = F in the others. The other is lambda' times the mean rate of theta. Sources:
+[mcadams2011] corotated, [lin2022] its rotation, [bonet2008] neo-Hookean, [souzaneto2005] patches.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
 """Reorderings of sums that the compiler may apply; NaN and infinity keep their meaning."""
 
 NEWTON = 30
-"""Largest number of iterations for the sum of principal stretches; five suffice if no element is near inversion."""
+"""Largest number of iterations for the sum of principal stretches. Five suffice if no element is near inversion."""
 
 
 class PackedTetrahedra(NamedTuple):
@@ -48,8 +48,9 @@ class PackedTetrahedra(NamedTuple):
 class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
-    F, rate: deformation gradient and its rate; A: as in this module's text; P: stress divided by mu; T: derivative of
-    theta by F; M: scratch; cofactors: those of F; inverse: (tr V I - V)^-1 for the stretch V = F R'; (3, 3) each
+    F, rate: deformation gradient and its rate; A: see the text of this module; P: stress divided by mu
+    T: derivative of theta with respect to F; M: scratch; cofactors: cofactors of F
+    inverse: (tr V I - V)^-1 for the stretch V = F R'. These arrays have the shape (3, 3).
     h: gradients of the corners' weights, multiplied by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
 
@@ -72,7 +73,7 @@ def _scratch():  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _cofactors(F, out):  # type: ignore[no-untyped-def]
-    """Write the cofactors of F into `out`; returns its determinant."""
+    """Write the cofactors of F into `out`, and return the determinant of F."""
     for i in range(3):
         for j in range(3):
             a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
@@ -101,8 +102,8 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
     """Write the rotation of F into R; M: scratch.
 
-    It is the derivative of s, the sum of the principal stretches. Newton's method finds s from above as the largest
-    root of (s² - |F|²)² - 8 det F s - 4 |cof F|².
+    The rotation is the derivative of the sum s of the principal stretches. Newton's method finds s from above as the
+    largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|².
     """
     square, of_cofactors = _double_dot(F, F), _double_dot(cofactors, cofactors)
     s = np.sqrt(3.0 * square)
@@ -163,7 +164,7 @@ def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
-    """After `_state`: write `h`, and `inverse` for the corotated law; returns det F for the neo-Hookean law, else 0."""
+    """Write `h` and, for the corotated law, `inverse`; returns det F for the neo-Hookean law, else 0."""
     det = _double_dot(s.T, s.F) / 3.0 if law == NEO_HOOKEAN else 0.0
     by = 1.0 / det if law == NEO_HOOKEAN else 1.0
     for a in range(4):
@@ -189,7 +190,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write the change of R g_a as corner b moves into out: [h_a]' (tr V I - V)^-1 [h_b], with [h] y = h × y."""
+    """Write the derivative of R g_a by corner b into out: [h_a]' (tr V I - V)^-1 [h_b], with [h] y = h × y."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k

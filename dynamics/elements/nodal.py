@@ -1,4 +1,4 @@
-"""Elements with one node: its weight, and the resistance of the ground to its motion."""
+"""Force elements with one node: the node's weight, and the resistance of the ground to its motion."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Reduced bodies: a few shapes in which they move, and their forces in these shapes.
+"""Reduced bodies: a few shapes in which a body moves, and its forces in these shapes.
 
 A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector. Each shape
 can therefore move the body in any direction, also after rotations. The constant 1 and the rest coordinates are shapes,
-so affine motions are exact. Source of the projection on responses: [benner2015].
+so affine motions are exact. The projection on responses follows [benner2015].
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Span:
     Attributes
     ----------
     matrix : (n_full, n)
-        Map from the reduced coordinates to those of the nodes.
+        Map from the reduced coordinates to the coordinates of the nodes.
     onto : (n, n_full)
         Left inverse of `matrix`: the projection that is orthogonal with respect to the masses.
     masses : (n,)
@@ -45,18 +45,18 @@ class Span:
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the reduced coordinates, (n, n), if those of all nodes are independent with variance 1."""
+        """Covariance of the reduced coordinates, (n, n), for independent coordinates of all nodes with variance 1."""
         return np.asarray(self.onto @ self.onto.T)
 
     @classmethod
     def whole(cls, masses: Floats) -> Span:
-        """The identity map of all coordinates; masses (n_full,) [kg]."""
+        """The identity map: every coordinate stays a coordinate; masses: (n_full,) [kg]."""
         n = len(masses)
         return cls(np.eye(n), np.eye(n), masses, np.ones(n))
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Map whose reduced coordinates are vectors, one for each shape; shapes: (n_nodes, r), masses: (n_nodes,) [kg].
+        """Map with one vector of reduced coordinates for each shape; shapes: (n_nodes, r), masses: (n_nodes,) [kg].
 
         Shapes are scaled so that a coordinate is the root mean square displacement weighted by mass [m]. They are
         rotated so that independent accelerations of the nodes give independent reduced accelerations.
@@ -106,9 +106,9 @@ def smooth_shapes(
     masses : (n_nodes,)
         Masses of the nodes [kg].
     forces : (n_nodes dim, n_forces)
-        Independent forces, each of one standard deviation [N].
+        Independent forces as columns; each column is one standard deviation of a force [N].
     rates : sequence of float
-        Rates s of the exponential growth exp(s t) of the forces [1/s].
+        The forces grow as exp(s t) with each of these rates s [1/s].
     least_m : float
         Root mean square displacement, weighted by mass, below which a shape is omitted [m].
     """

@@ -1,4 +1,4 @@
-"""Springs with dashpots, as elements with two nodes."""
+"""Springs with dashpots, as force elements with two nodes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ENDS = np.array([-1.0, 1.0])
-"""Derivative of the vector from the first to the second node of a spring with respect to the position of each."""
+"""Derivative of the vector from the first to the second node of a spring, with respect to each node's position."""
 
 
 class Springs:
@@ -55,7 +55,7 @@ class Springs:
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Stiffness [N/m] and damping [N s/m] of both ends, (n_springs, 2, dim, 2, dim) each.
 
-        During motion the stiffness is not symmetric: the rate of a dashpot changes as the spring turns.
+        During motion the stiffness is not symmetric, because the rate of a dashpot changes as the spring turns.
         """
         along, length, rate = self._shape(x, v)
         c, dim, turning = self.constants, x.shape[2], (v[:, 1] - v[:, 0]) - rate[:, None] * along
@@ -70,13 +70,13 @@ class Springs:
         return tuple(np.einsum("ab,sij->saibj", pairs, block) for block in (stiffness, damping[:, None, None] * outer))
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Change of the force per unit of the logs of stiffness, rest length, damping [N], (n_springs, 2, dim) each."""
+        """Derivatives of the force by the logs of stiffness, rest length and damping [N], (n_springs, 2, dim) each."""
         along, length, rate = self._shape(x, v)
         by = tension_by_log_constants(length, rate, self.constants)
         return {kind: _on_ends(getattr(by, kind), along) for kind in OF_SPRINGS}
 
     def _shape(self, x: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """Unit vector from the first end to the second, length [m] and its rate [m/s], for each spring."""
+        """For each spring: unit vector from the first end to the second, length [m], and rate of the length [m/s]."""
         apart = x[:, 1] - x[:, 0]
         length = np.sqrt((apart * apart).sum(axis=1) + SHORTEST**2)
         along = apart / length[:, None]

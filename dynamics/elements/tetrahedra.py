@@ -1,4 +1,4 @@
-"""Linear tetrahedra of a mesh; in nearly incompressible tissue, patches of tetrahedra have one mean dilatation."""
+"""Linear tetrahedra of a mesh. In nearly incompressible tissue, a patch of tetrahedra has one mean dilatation."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from dynamics.mesh import TetMesh, lame
 Numbers = float | Floats
 
 LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
-"""Material laws: for small strains, for small strains with large rotations, for large strains."""
+"""Material laws for small strains, for small strains with large rotations, and for large strains."""
 
 
 class TissueConstants(NamedTuple):
-    """Young's modulus [Pa], Poisson's ratio and damping as a time [s], each (m,) or one number.
+    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s], each (m,) or one number.
 
-    At rest the damping matrix is the stiffness matrix multiplied by this damping time.
+    At rest the damping matrix is the stiffness matrix multiplied by the damping time.
     """
 
     modulus: Numbers
@@ -37,7 +37,7 @@ class TissueConstants(NamedTuple):
 
 
 class Tetrahedra:
-    """Tetrahedra of a mesh as force elements; an element is a patch or, without patches, one tetrahedron.
+    """Tetrahedra of a mesh as force elements. An element is a patch or, without patches, one tetrahedron.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Tetrahedra:
     Attributes
     ----------
     nodes : (n_patches, n_corners) int
-        Nodes of each patch; a patch with fewer nodes than others repeats its first node.
+        Nodes of each patch. A patch with fewer nodes than others repeats its first node.
 
     Notes
     -----
@@ -104,7 +104,7 @@ class Tetrahedra:
         return K, C
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Change of the force per unit of log modulus, log Poisson's ratio, log damping [N], shaped as `force`.
+        """Derivatives of the force by the logs of Young's modulus, Poisson's ratio and damping [N], shaped as `force`.
 
         The constants of a patch change together; the derivative for a region is the sum over its patches.
         """
@@ -118,7 +118,7 @@ class Tetrahedra:
         return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
 
     def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
-        """Constants in the kernels' order, (m, 4); the elastic part is multiplied by `stored`."""
+        """Constants in the kernels' order, (m, 4). The elastic part is multiplied by `stored`."""
         return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
 
     def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:

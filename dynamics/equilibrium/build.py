@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Largest distance between the rest position and the drawn position of a node, relative to the longest spring, at which
-a network rests as drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
+"""A network rests as drawn if the distance of each node from its drawn position, relative to the longest spring, is at
+most this [1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
 
 
 def build_network(
@@ -36,16 +36,16 @@ def build_network(
     """Build a network of these nodes, with a spring along each edge.
 
     names: unique names of the n_nodes nodes
-    positions: positions of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
-    edges: the two ends of each of n_springs springs, by name or by index among the names; no pair twice
+    positions: positions of the nodes in the drawn shape [m], (n_nodes, dim), dim 2 or 3
+    edges: the two ends of each of n_springs springs, as names or as indices among the names; no pair twice
     stiffness, damping: stiffness of the springs [N/m]; damping of the dashpots along them [N s/m]
     masses, drag, friction: masses of the nodes [kg], their viscous drag [N s/m], their Coulomb friction [N]
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
     fixed: names of the anchors
-    rest_lengths: "at rest": the drawn lengths, with the smallest relative changes that let the network rest as
-        drawn under gravity; "as drawn": the drawn lengths, so that it sags under gravity; or numbers [m]
+    rest_lengths: "as drawn": the lengths in the drawn shape, so that the network sags under gravity; "at rest": these
+        lengths, changed as little as possible, but so that the network rests as drawn; or lengths [m]
 
-    Constants of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
+    The constants of springs or nodes are one number for all, or an array in their order, (n_springs,) or (n_nodes,).
 
     Raises NetworkError for invalid arguments, and if small changes of rest lengths cannot balance the drawn shape.
     """
@@ -141,7 +141,7 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
-    """The values as an array (n,), from one value for all or n values; raises NetworkError for another number."""
+    """The values as an array (n,), from one value for all or from n values; raises NetworkError for another number."""
     array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")

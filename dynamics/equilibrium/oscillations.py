@@ -1,4 +1,4 @@
-"""Small oscillations of a network about its rest: frequencies and decay times."""
+"""Small oscillations of a network about its rest shape: frequencies and decay times."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts count as rounding errors; for a double root, these are as large
-as the square root of the usual rounding error."""
+"""Relative size below which rates and imaginary parts are rounding errors. For a double root, rounding errors are as
+large as the square root of the usual ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +31,10 @@ class Oscillations:
 
 
 def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
-    """Compute the natural oscillations about a rest shape, positions of all nodes [m], (n_nodes, dim).
+    """Compute the natural oscillations about a rest shape; shape: positions of all nodes [m], (n_nodes, dim).
 
-    Dry friction is ignored, because it is not proportional to speed. Motions without resistance, such as those of a
-    whole network without anchors, are omitted. Source: [tisseur2001], first companion form.
+    Dry friction is ignored, because it is not proportional to speed. Motions without resistance are omitted, such as
+    the motion of a whole network without anchors. Source: [tisseur2001], first companion form.
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
     rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]

@@ -21,28 +21,28 @@ RESIDUAL = 1e-9
 
 
 RIGID = 1e-9
-"""Relative stiffness that counts as a rounding error, such as the stiffness against rigid motion."""
+"""Relative stiffness that is only a rounding error, such as the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
-"""Largest relative change of a rest length: beyond it, a spring is stretched more than `stable_step` assumes."""
+"""Largest relative change of a rest length: `stable_step` is valid only up to this stretch."""
 
 RANK_TOLERANCE = 1e-12
-"""Relative size below which a singular value is a rounding error; the forces do not depend on its rest lengths."""
+"""Relative size below which a singular value is a rounding error, so that forces do not depend on its direction."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
-"""Change of a relative rest length below which the passes end: a hundred times the rounding error."""
+"""Change of a relative rest length below which the iteration ends: a hundred times the rounding error."""
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; if it has no anchors, without gravity, because an unknown support then balances the weight."""
+    """The network, without gravity if it has no anchors, because an unknown support then balances the weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
-    """Positions of all nodes at rest [m], (n_nodes, dim): the energy minimum downhill from the drawn shape.
+    """Positions of all nodes at rest [m], (n_nodes, dim): the minimum of the energy next to the drawn shape.
 
-    force: a constant force on the free nodes [N], (n_free, dim), default none
+    force: a constant force on the free nodes [N], (n_free, dim); default: no force
     If the network has no anchors, gravity is omitted (`supported`), and the rest shape is aligned with the drawn shape.
     Raises NetworkError if no stable minimum of the energy is found near the drawn shape.
     """
@@ -86,14 +86,14 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
 
 def _deflection(stiffness: Floats, forces: Floats) -> Floats:
-    """Displacement [m] by forces [N], (n_free, dim) each; for a free body, the smallest possible displacement."""
+    """Displacement [m] due to forces [N], (n_free, dim) each. For a free body it is the smallest possible one."""
     if not forces.any():
         return np.zeros_like(forces)
     return np.asarray(np.linalg.lstsq(stiffness, forces.ravel(), rcond=RIGID)[0]).reshape(forces.shape)
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether a body in space can rotate freely about the vertical: all anchors lie on one line along gravity."""
+    """Whether a body in space can rotate about the vertical, because all anchors lie on one line along gravity."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False
@@ -103,7 +103,7 @@ def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:
-    """A shape, (n_nodes, dim), after the rigid motion that best fits it to the drawn shape. Source: [kabsch1976]."""
+    """A shape (n_nodes, dim) after the rigid motion that fits it best to the drawn shape. Source: [kabsch1976]."""
     middle = shape.mean(axis=0)
     left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -111,9 +111,9 @@ def _aligned(shape: Floats, drawn: Floats) -> Floats:
 
 
 def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, ArrayLike]) -> Floats:
-    """Positions of all nodes at equilibrium, with these free nodes fixed at given places [m], (n_nodes, dim).
+    """Positions of all nodes at equilibrium [m], (n_nodes, dim), with some free nodes fixed at given places.
 
-    places: position of each fixed node by its name [m], (dim,). Raises NetworkError as `rest_shape` does.
+    places: position of each such node, by name [m], (dim,). Raises NetworkError as `rest_shape` does.
     """
     positions, fixed = network.positions.copy(), network.fixed.copy()
     for node, position in places.items():
@@ -127,7 +127,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node. In a continuum, distances are along straight lines.
+    Without anchors, it is the largest distance from any other node. In a continuum, distances are along straight lines.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -147,11 +147,11 @@ def fit_rest_lengths(
     positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: standard deviation of each coordinate [m]
     known: prior relative standard deviation of the rest lengths [1]
 
-    Gauss-Newton on the forces f in the measured shape. With c the relative changes of the rest lengths and G = df/dc,
-    the next c is the smallest solution of G (c - c_now) + f = 0. If sd_m is above 0, the next c is the most probable
-    one; the error of f is then the stiffness times the position error. Combinations of rest lengths that do not affect
-    the forces stay unchanged. Raises NetworkError if a rest length has to change by half or more, if the iteration does
-    not converge, or if there is no stable rest shape near the measured shape.
+    Gauss-Newton steps reduce the forces f in the measured shape. With c the relative changes of the rest lengths and
+    G = df/dc, the next c is the smallest solution of G (c - c_now) + f = 0. If sd_m is above 0, the next c is the most
+    probable one; the error of f is then the stiffness times the position error. Combinations of rest lengths that do
+    not affect the forces stay unchanged. Raises NetworkError if a rest length has to change by half or more, if the
+    iteration does not converge, or if there is no stable rest shape near the measured shape.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

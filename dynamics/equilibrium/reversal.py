@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """For each set of states, whether a spring in any state is reversed relative to the set's first state, (n_sets,).
+    """For each of n_sets sets of states: whether any spring is reversed between the first and another state, (n_sets,).
 
     A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]

@@ -21,11 +21,10 @@ from dynamics.network.mass_spring import MassSpringNetwork, spring_lengths
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
-    """Sum of the forces of all force laws and gravity on each node, including anchors [N], (n_nodes, dim).
+    """Force on each node, including anchors, due to all force laws and gravity [N], (n_nodes, dim).
 
-    positions, velocities: those of all nodes [m], [m/s], (n_nodes, dim)
-    A spring shorter than 1 nm has no direction and exerts no force. Anchors have no weight: only springs exert forces
-    on them.
+    positions, velocities: positions [m] and velocities [m/s] of all nodes, (n_nodes, dim) each
+    A spring shorter than 1 nm has no direction and exerts no force. Anchors have no weight.
     """
     x = np.array(positions, dtype=float)[..., None]
     v = np.array(velocities, dtype=float)[..., None]
@@ -44,7 +43,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 
 
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
-    """Potential energy of springs and gravity [J], [paper] (5); positions: those of all nodes [m], (n_nodes, dim)."""
+    """Potential energy of springs and gravity [J], [paper] (5); positions: of all nodes [m], (n_nodes, dim)."""
     x = np.asarray(positions, dtype=float)
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()
@@ -56,6 +55,6 @@ def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
 
 
 def kinetic_energy(network: MassSpringNetwork, velocities: ArrayLike) -> float:
-    """Kinetic energy [J], [paper] (4); velocities: those of all nodes [m/s], (n_nodes, dim)."""
+    """Kinetic energy [J], [paper] (4); velocities: of all nodes [m/s], (n_nodes, dim)."""
     v = np.asarray(velocities, dtype=float)[network.free]
     return float(0.5 * network.masses[network.free] @ (v * v).sum(axis=1))

@@ -31,7 +31,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0, but integrators need its
+"""Speed over which Coulomb friction builds up [m/s]; numerical: true friction jumps at speed 0, but integrators need a
 derivative. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
 
 SHORTEST = 1e-9
@@ -62,13 +62,13 @@ LAWS: Mapping[str, tuple[str, ...]] = {
     "drag": ("drag",),
     "friction": ("friction",),
 }
-"""Force laws, each with the kinds of its constants: first the laws of springs, then those of nodes."""
+"""Kinds of constants of each force law: first the laws of springs, then the laws of nodes."""
 
 KINDS = tuple(kind for kinds in LAWS.values() for kind in kinds)
 """All kinds of constants, in the order of the fields of `SpringConstants`, then of `NodeConstants`."""
 
 OF_SPRINGS = SpringConstants._fields
-"""Kinds of constants that belong to a spring; the others belong to a node."""
+"""Kinds of constants that belong to a spring. All other kinds belong to a node."""
 
 N_OF_SPRINGS = len(OF_SPRINGS)
 
@@ -81,12 +81,12 @@ FIELDS = {kind: kind for kind in KINDS} | {"rest_length": "rest_lengths"}
 
 @register_jitable(fastmath=FASTMATH)
 def spring_tension(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
-    """Tension [N], positive where the spring pulls its nodes together."""
+    """Tension of a spring [N], positive where it pulls its nodes together; rate: derivative of the length [m/s]."""
     return c.stiffness * (length - c.rest_length) + c.damping * rate
 
 
 def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
-    """Stored energy [J], whose derivative with respect to the length is the tension at rate 0."""
+    """Stored energy [J]. Its derivative with respect to the length is the tension at rate 0."""
     return 0.5 * c.stiffness * (length - c.rest_length) ** 2
 
 
@@ -117,7 +117,7 @@ def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants)
 
 @register_jitable(fastmath=FASTMATH)
 def node_resistance(square: Numbers, c: NodeConstants) -> Floats:
-    """Resistance R [N s/m]; the force is -R v."""
+    """Resistance R [N s/m] of a node with velocity v; the force is -R v. square: squared speed [m²/s²]."""
     return c.drag + c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY)
 
 
@@ -141,20 +141,21 @@ def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConsta
 
 @register_jitable
 def contact_force(dent: Numbers, stiffness: float) -> Numbers:
-    """Force of the tip on the skin before the puncture [N]; dent: depth of the dent [m], below 0 before contact."""
+    """Force of the tip on the skin before the puncture [N]; dent: depth of the dent [m], negative before contact."""
     return stiffness * np.maximum(0.0, dent)
 
 
 @register_jitable
 def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
-    """Cutting or friction force [N]; it tends to `most` if the needle slides much faster than the slip velocity."""
+    """Cutting or friction force [N]. It tends to `most` if the needle slides much faster than the slip velocity."""
     return most * slide / np.sqrt(slide * slide + slip * slip)
 
 
 class Packed(NamedTuple):
-    """Arrays of a network in the kernels' form.
+    """Arrays of a network in the form that the kernels need.
 
-    springs: the two nodes of each spring, (n_springs, 2); weight: weight of each node [N], (n_nodes, dim), anchors 0
+    springs: the two nodes of each spring, (n_springs, 2); weight: weight of each node [N], (n_nodes, dim), 0 for
+        anchors
     spring_constants: (n_springs, n_constants), columns as in `SpringConstants`
     node_constants: (n_nodes, n_constants), columns as in `NodeConstants`
     """
@@ -167,7 +168,7 @@ class Packed(NamedTuple):
 
 @lru_cache(maxsize=64)
 def packed(network: MassSpringNetwork) -> Packed:
-    """Arrays of a network in the kernels' form."""
+    """Arrays of a network in the form that the kernels need."""
     weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
     of_springs = [getattr(network, FIELDS[kind]) for kind in SpringConstants._fields]
     of_nodes = [getattr(network, FIELDS[kind]) for kind in NodeConstants._fields]
@@ -176,13 +177,13 @@ def packed(network: MassSpringNetwork) -> Packed:
 
 @lru_cache(maxsize=64)
 def spring_constants(network: MassSpringNetwork) -> SpringConstants:
-    """Constants of all springs, each (n_springs,), in the force laws' form."""
+    """Constants of all springs, (n_springs,) each, in the form that the force laws need."""
     return SpringConstants(*packed(network).spring_constants.T)
 
 
 @lru_cache(maxsize=64)
 def node_constants(network: MassSpringNetwork) -> NodeConstants:
-    """Constants of all nodes, each (n_nodes,), in the force laws' form."""
+    """Constants of all nodes, (n_nodes,) each, in the form that the force laws need."""
     return NodeConstants(*packed(network).node_constants.T)
 
 
@@ -244,7 +245,7 @@ def state_rate(  # type: ignore[no-untyped-def]
 ):
     """Time derivative of a state, (n_state,), under forces on the free nodes [N], (n_free, dim).
 
-    x: positions of all nodes, (n_nodes, dim, 1), of which those of free nodes are overwritten
+    x: positions of all nodes, (n_nodes, dim, 1); the positions of free nodes are overwritten
     v, force: scratch arrays of the same shape, with v zero at anchors; inverse_mass: (n_free,)
     The fields of `Packed` are separate arguments, because passing a tuple takes longer than computing all forces.
     """
@@ -316,7 +317,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add entry (a, b) of a spring's matrix to a large one; i, j: first coordinates of its nodes, -1 for an anchor."""
+    """Add entry (a, b) of a spring's matrix to a larger one; i, j: first coordinates of its nodes, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -374,10 +375,10 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_slopes):  # type: ignore[no-untyped-def]
-    """Force (n,) [N] on the free coordinates, and minus its derivatives with respect to q [N/m] and v [N s/m].
+    """Force on the free coordinates [N], (n,), and minus its derivatives by q [N/m] and v [N s/m], (n, n) each.
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
-    springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
+    springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: if False, the derivatives are empty
     Unlike the matrices of `tangents`, these are exact: they include rotations of dashpots and the slope of friction.
     """
     n_nodes, dim = nodes.shape
@@ -432,22 +433,22 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of the step in its first stage, the trapezoidal rule; with it, both stages have the same matrix [bank1985]."""
+"""Share of the step in the first stage, the trapezoidal rule. With it, both stages have the same matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Number of Newton iterations in a stage, and their largest number if they do not contract; numerical: with two, a link
-of 2e7 N/m oscillates as with four."""
+"""Number of Newton iterations in a stage, and their largest number if they do not contract; numerical: a link of
+2e7 N/m oscillates equally with two and with four iterations."""
 
 CONTRACTED = 0.5
-"""Ratio of the speed changes in two successive iterations, above which tangents are recomputed at the present state."""
+"""Ratio of the speed changes in two successive iterations above which tangents are recomputed at the present state."""
 
 STILL = 1e-12
-"""Relative change of position below which a stage's iteration ends, because further changes are rounding errors."""
+"""Relative change of position below which the iteration of a stage ends: further changes are rounding errors."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right`, (n,), with (L L')^-1 right; L: lower triangular matrix, (n, n)."""
+    """Overwrite `right` (n,) with (L L')^-1 right; L (n, n) is lower triangular."""
     n = len(right)
     for i in range(n):
         entry = 0.0
@@ -463,7 +464,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
-    """Lower L with L L' = M + weight C + weight² K; the tangents of the state are written into K and C."""
+    """Lower triangular L with L L' = M + weight C + weight² K. The tangents are written into K and C."""
     tangents(x, v, p, place, np.bool_(True), K, C)  # not a literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
@@ -476,7 +477,7 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
     """Solve (q, v) = target + weight (v, a(q, v)) by Newton iterations from `now`, and overwrite `now`.
 
     L: factor of the tangents near the solution, see `_factorise`
-    renew: whether each iteration computes L again; an iteration after one that did not contract always does
+    renew: whether each iteration computes L again. If an iteration did not contract, the next one always computes L.
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -512,7 +513,7 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
     outside: as in `runge_kutta`; masses: masses of free coordinates, (n_half,)
-    renew: whether each Newton iteration computes new tangents; else all use the tangents at the step's start
+    renew: whether each Newton iteration computes new tangents; if not, all use the tangents at the step's start
     The two stages are the trapezoidal rule and the backward differentiation formula. The method has second order and,
     with definite tangents, is stable at any stiffness.
     """
@@ -559,7 +560,7 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
 
 @njit(cache=True, nogil=True)
 def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-def]
-    """`tangents` at several states, (n_points, n_state): K and C, (n_points, n_half, n_half) each."""
+    """Matrices K and C of `tangents` at several states (n_points, n_state), (n_points, n_half, n_half) each."""
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -592,7 +593,7 @@ class PackedNeedle(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
-    """Distribute a unit force at a point over the nodes: write their shares into `share`, (n_nodes,)."""
+    """Write each node's share of a unit force at a point into `share`, (n_nodes,)."""
     n_nodes, dim = nodes.shape
     nearest = np.inf
     for i in range(n_nodes):
@@ -658,7 +659,8 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, both divided by the interval between samples
-    moves, punctured: at the start: tip (dim,), its velocity (dim,), direction (dim,), length inside; whether punctured
+    moves: at the start, the needle's tip (dim,), velocity (dim,), direction (dim,) and length inside the tissue
+    punctured: whether the skin is punctured at the start
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -712,8 +714,8 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
     """Derivative of the force on free coordinates by the log of n constants [N], (n_points, n, n_state / 2).
 
-    states: (n_points, n_state); nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
-    kinds: index of each constant's kind in KINDS, (n,); indices: index of its spring or node, (n,)
+    states: (n_points, n_state); nodes: positions of all nodes [m], (n_nodes, dim), of which only anchors are used
+    kinds: index of each constant's kind in KINDS, (n,); indices: index of the constant's spring or node, (n,)
     """
     half = states.shape[1] // 2
     dim = nodes.shape[1]
@@ -729,7 +731,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """`parameter_forces_each` for one state; x, v: (n_nodes, dim); written into the zeros of out, (n, n_free dim)."""
+    """Write `parameter_forces_each` of one state into the zeros of out, (n, n_free dim); x, v: (n_nodes, dim)."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

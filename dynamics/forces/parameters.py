@@ -28,12 +28,12 @@ LARGEST_LOG = float(np.log(np.finfo(float).max))
 """Largest logarithm whose exponential is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Relative variance that counts as a rounding error."""
+"""Relative variance that is only a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A constant of a kind in KINDS; index: index of its spring or, for drag and friction, of its node."""
+    """A constant of a kind in KINDS; index: index of its spring, or of its node for drag and friction."""
 
     kind: str
     index: int
@@ -44,8 +44,8 @@ class ParameterUncertainty:
     """Uncertainty of the logs of constants, as a sum of independent errors.
 
     parameters: the uncertain constants
-    directions: (n_directions, n_parameters): each row is the change of all logs by one standard deviation of one
-        independent error [1]; the covariance of the logs is directions.T @ directions
+    directions: (n_directions, n_parameters): row i is the change of all logs by one standard deviation of independent
+        error i [1]; the covariance of the logs is directions.T @ directions
 
     Raises NetworkError for other shapes, for numbers that are not finite, and if exp of a standard deviation overflows.
     """
@@ -81,7 +81,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """The uncertainty of the constants of both, with the directions of both as independent errors."""
+        """Combination of this and another uncertainty, whose directions are independent errors."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -91,7 +91,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Independent uncertainty of each constant; sd: relative standard deviation [1], one for all or (n_parameters,)."""
+    """Independent uncertainty of constants; sd: relative standard deviations [1], (n_parameters,), or one for all."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -102,9 +102,9 @@ def strain_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
-    The strain tensor E(X) is symmetric, and its components are independent Gaussian fields. It changes the rest length
-    of a spring along n by n' E n. The covariance of springs along n and m is sd² exp(-d² / 2 l²) (n · m)², with d the
-    distance of their middles. A pivoted Cholesky decomposition [harbrecht2012] approximates this covariance.
+    The strain tensor E(X) is symmetric, and its components are independent Gaussian fields. The strain changes the rest
+    length of a spring along n by n' E n. The covariance of springs along n and m is sd² exp(-d² / 2 l²) (n · m)², with
+    d the distance between their middles. A pivoted Cholesky decomposition [harbrecht2012] approximates this covariance.
     sd: standard deviation of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of the approximation
     """
@@ -125,7 +125,7 @@ def strain_uncertainty(
 
 
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
-    """All positive constants of these kinds, kind by kind; for a continuum, the stiffness of each tissue."""
+    """All positive constants of these kinds, kind by kind. A continuum has one stiffness for each tissue."""
     if network.continuum is not None:
         n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0
         return tuple(Parameter("stiffness", tissue) for tissue in range(n_tissues))
@@ -149,7 +149,7 @@ def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
 
 
 def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
-    """The constant with this name; NetworkError if there is none."""
+    """The constant with a name as from `parameter_label`; NetworkError if there is none."""
     for parameter in parameters(network):
         if parameter_label(network, parameter) == text:
             return parameter
@@ -162,7 +162,7 @@ def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
 
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
-    """The network with each of these constants multiplied by exp(change) [1], (n_parameters,)."""
+    """The network with each of these constants multiplied by exp(change); change: [1], (n_parameters,)."""
     if network.continuum is not None:
         logs = np.zeros(len(network.continuum.tissues))
         np.add.at(logs, [parameter.index for parameter in which], np.asarray(change, dtype=float))
@@ -178,7 +178,7 @@ def parameter_forces(
 ) -> Floats:
     """Derivative of the forces on free coordinates with respect to the log of each constant [N], (n, n_free dim).
 
-    positions, velocities: those of all nodes [m], [m/s], (n_nodes, dim)
+    positions, velocities: positions [m] and velocities [m/s] of all nodes, (n_nodes, dim) each
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     if network.continuum is not None:
@@ -203,7 +203,7 @@ def parameter_forces(
 
 
 class ParameterForces:
-    """Compiled `parameter_forces` for states of one network; a filter calls it at every step."""
+    """Compiled `parameter_forces` for the states of one network; a filter calls it at every step."""
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)
@@ -215,7 +215,7 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """Derivatives, (..., n_parameters, n_state / 2), at states of the free nodes, (..., n_state)."""
+        """Derivatives, (..., n_parameters, n_state / 2), in states of the free nodes, (..., n_state)."""
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

@@ -1,4 +1,4 @@
-"""Linearised network about a shape: stiffness and damping matrices, and the longest stable step."""
+"""Linearised network about a shape: stiffness and damping matrices, longest stable step."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
-"""Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
+"""Classical Runge-Kutta is stable in the left half of a disc with this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Ratios of length to rest length at which the largest stiffness is searched for the stability limit: if the stiffness
-is monotone between two of them, as in every present law, its maximum is at one of them."""
+"""Ratios of length to rest length at which the stability limit searches the largest stiffness. If the stiffness is
+monotone between two successive ratios, as in every present law, the maximum is at one of the ratios."""
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
     """Second derivative of potential energy with respect to free coordinates [N/m], (n_free dim, n_free dim).
 
-    positions: those of all nodes [m], (n_nodes, dim)
+    positions: positions of all nodes [m], (n_nodes, dim)
     A spring of length l and tension T along n contributes dT/dl n n' + T / l (I - n n').
     """
     n, lengths = _directions(network, positions)
@@ -42,9 +42,10 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 
 
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """Damping matrix of the free coordinates for small motions about these positions [N s/m], (n_free dim, n_free dim).
+    """Damping matrix of the free coordinates for small motions [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: if above 0, the resistance of a node is its force divided by this speed [m/s]
+    positions: positions of all nodes [m], (n_nodes, dim)
+    speed_m_s: speed of the nodes at which their resistance, force divided by speed, is computed [m/s]
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -55,10 +56,10 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
 
 
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """State matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
+    """Matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
     positions: positions of all nodes at rest [m], (n_nodes, dim)
-    speed_m_s: speed for the resistance of nodes, see `damping_matrix`
+    speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
@@ -73,9 +74,9 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes, the tangent stiffness of a spring is at most k in any direction, with k the largest dT/dl or T / l.
-    The graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. Let w² and d
-    be the largest eigenvalues of these two Laplacians, divided by the masses. The eigenvalues of the linearised motion
-    have magnitudes of at most (d + sqrt(d² + 4 w²)) / 2.
+    A graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. Divided by the
+    masses, these Laplacians have the largest eigenvalues w² and d. The eigenvalues of the linearised motion have
+    magnitudes of at most (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

@@ -1,4 +1,4 @@
-"""Time integration: compiled Runge-Kutta and implicit steps, adaptive reference steps.
+"""Time integration: compiled Runge-Kutta steps, implicit steps, adaptive steps as reference.
 
 Another integrator belongs here.
 """

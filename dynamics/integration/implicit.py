@@ -14,14 +14,14 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Number of coordinates up to which each Newton iteration computes tangents, as a link of 2e7 N/m requires. With more
-coordinates, all iterations use the tangents at the step's start; this suffices for links of up to 2e5 N/m."""
+"""Largest number of coordinates with which each Newton iteration computes tangents, as a link of 2e7 N/m requires. With
+more coordinates, all iterations use the tangents at the step's start, which suffices for links of up to 2e5 N/m."""
 
 ROUNDING = 1e-9
-"""Relative stiffness that counts as a rounding error."""
+"""Relative stiffness that is only a rounding error."""
 
 DRIVEN = 1e12
-"""Factor on the mass of a driven node, so that forces do not change its velocity [1]; numerical."""
+"""Factor on the mass of a driven node, with which forces do not change the node's velocity [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class Linearised:
 
     F: derivative with respect to the state at the interval's start, (k, n_state, n_state)
     by_force: derivative with respect to constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
-    half: F of the second half of the interval; of the whole interval if it is a single step
+    half: F for the second half of the interval or, if the interval is a single step, F itself
     """
 
     F: Floats
@@ -41,7 +41,7 @@ class Linearised:
 class ImplicitStepper:
     """Implicit integrator for states of one network: compiled TR-BDF2 steps of at most LONGEST_STEP.
 
-    L-stable: the step does not depend on the stiffness, and motions that are too fast for it are damped [bank1985].
+    The steps are L-stable [bank1985]: their length does not depend on stiffness, and motions faster than a step decay.
     """
 
     def __init__(self, network: MassSpringNetwork) -> None:
@@ -53,7 +53,7 @@ class ImplicitStepper:
         return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
-        """Number of equal steps for an interval of dt [s]: a power of two, as `linearised` squares its matrices."""
+        """Number of equal steps for an interval of dt [s]: a power of two, because `linearised` squares matrices."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
@@ -74,12 +74,12 @@ class ImplicitStepper:
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
 
     def linearised(self, states: Floats, dt: float, *, driven: Sequence[int] = ()) -> Linearised:
-        """Derivatives of `advance` over dt [s] at these states (n_points, n_state).
+        """Derivatives of `advance` over dt [s] in given states, (n_points, n_state).
 
         driven: free nodes that keep their velocity under any force
 
-        In a state in which the tissue buckles, compressed springs get no transverse stiffness. With it, the linear
-        motion would grow without limit; real tissue stops at another rest shape.
+        If the tissue buckles in a state, compressed springs get no transverse stiffness. Their negative stiffness would
+        let the linear motion grow without limit, while real tissue stops at another rest shape.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)
@@ -105,7 +105,7 @@ class ImplicitStepper:
         return Linearised(F, by_force, before)
 
     def _tangents(self, states: Floats) -> tuple[Floats, Floats]:
-        """Stiffness and damping at each state, (k, n_half, n_half); an indefinite pair is made semidefinite."""
+        """Stiffness and damping in each state, (k, n_half, n_half); an indefinite pair is made semidefinite."""
         own = self.network.positions, self.network.free, self._packed
         K, C = tangents_each(states, False, *own)
         if _are_semidefinite(K):

@@ -1,4 +1,4 @@
-"""Compiled algebra of the implicit step of second order: its stages, its derivative, and the noise of several steps.
+"""Compiled algebra of the implicit step of second order: its stages, its derivative, noise of several steps.
 
 Letters as in `dynamics.integration.rosenbrock`: h is the step, g = gamma h, J the Jacobian of the equations of motion,
 K the stiffness, C the damping. S = (M + g C + g² K)^-1 is used to multiply vectors by (1 - g J)^-1.
@@ -11,19 +11,19 @@ from numba import njit
 
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
-"""Coefficients of the stability function in powers of the resolvent A = 1 / (1 - gamma h J): TWICE A² + ONCE A."""
+"""Coefficients of the stability function TWICE A² + ONCE A, with the resolvent A = 1 / (1 - gamma h J)."""
 
 
 @njit(cache=True, nogil=True)
 def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
-    """Product of (1 - g J)^-1 with the vector (of_q, of_v), (n,) each; returns one vector, (2 n,)."""
+    """Product of (1 - g J)^-1 with the vector (of_q, of_v), where of_q and of_v are (n,); returns a vector (2 n,)."""
     speed = S @ (M * of_v - g * (K @ of_q))
     return np.concatenate((of_q + g * speed, speed))
 
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """S; first stage of the motion, (2 n,), and of accelerations, (n_f,); and the motion's state after it, (2 n,)."""
+    """Matrix S; first stage of motion (2 n,) and accelerations (n_f,); coordinates and velocities after it, (2 n,)."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
@@ -38,9 +38,9 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """State after the step, and the largest difference of any coordinate between the two stages [m].
+    """State after the step, and the largest difference between the two stages in any coordinate [m].
 
-    middle: state after the first stage; force: force at `middle`
+    middle: coordinates and velocities after the first stage; force: force at `middle`
     """
     n, g = len(M), GAMMA * h
     f = state[2 * n :]
@@ -53,9 +53,9 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write derivatives of coordinates, then of velocities, into k columns of `found`, from column `start` on.
+    """Write derivatives of coordinates and velocities into columns of `found`, from column `start` on.
 
-    speeds: derivatives of velocities, (n, k); once: rows of the velocities in the product with A, (n, k)
+    speeds: derivatives of velocities, (n, k); once: velocities after a product with the resolvent A, (n, k)
     """
     n, k = once.shape
     for i in range(n):
@@ -66,7 +66,7 @@ def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """Derivative of coordinates and velocities after a step with respect to the state before, (2 n, n_state)."""
+    """Derivative of coordinates and velocities after a step with respect to the state before it, (2 n, n_state)."""
     n, g = len(M), GAMMA * h
     kept = 1.0 / (1.0 + g * rates)
     X, Y = -g * (S @ K), S * M
@@ -82,7 +82,7 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
-    """Change of coordinates and velocities over a step, (2 n, k), by each of k constant accelerations, (n, k)."""
+    """Change of coordinates and velocities over a step, (2 n, k), due to each of k constant accelerations, (n, k)."""
     n, g = len(M), GAMMA * h
     once = g * (S @ (M.reshape(n, 1) * pushes))
     twice = once + S @ (M.reshape(n, 1) * once - g * g * (K @ once))
@@ -93,7 +93,7 @@ def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add(to, columns, scale):  # type: ignore[no-untyped-def]
-    """Add scale times C C' to the leading k x k block of a matrix, with C the `columns`, (k, any)."""
+    """Add scale C C' to the leading k x k block of a matrix; C: the columns, (k, any)."""
     squares = columns @ columns.T
     for i in range(len(squares)):
         for j in range(len(squares)):
@@ -104,8 +104,8 @@ def _add(to, columns, scale):  # type: ignore[no-untyped-def]
 def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
     """Jacobian of the motion over all steps (2 n, m), decay of forces (n_f,), noise covariances (1 + n_sources, m, m).
 
-    The m states are n positions, n velocities and n_f decaying forces. The first covariance is that of white noise on
-    the velocities. The others are those of the forces, for each source with variance 1.
+    The m states are n positions, n velocities and n_f decaying forces. The first covariance is due to white noise on
+    the velocities. Each further covariance is due to the forces of one source with variance 1.
     by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
     sources (n_f,): index of each force's source; white (n,): standard deviation of each velocity's white noise
     """

@@ -1,7 +1,8 @@
-"""Equations of motion in plain NumPy: the reference for speed and results of compiled kernels.
+"""Equations of motion in plain NumPy: the reference for speed and results of the compiled kernels.
 
-`softaim bench` times filterpy's filter with this process model; tests compare the kernels with it. This module and the
-kernels use the scalar force laws of `dynamics.forces.kernels`; the tests contain an independent version of these laws.
+`softaim bench` times filterpy's filter with this process model, and tests compare the kernels with it. This module and
+the kernels use the scalar force laws of `dynamics.forces.kernels`. The tests contain an independent version of these
+laws.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, all_positions, pack,
 
 
 def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
-    """Time derivative of one state [m, m/s], (n_state,), without outside forces; see `dynamics.forces.energy`."""
+    """Time derivative of a state [m, m/s], (n_state,), without outside forces; see `dynamics.forces.energy`."""
     free_x, free_v = unpack(state, network.dim)
     x = all_positions(network, free_x)
     v = np.zeros_like(x)

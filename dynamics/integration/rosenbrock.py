@@ -2,7 +2,7 @@
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-The accelerations f decay; they are states of a filter. The step is L-stable: it damps stiff oscillations, and keeps the
+The accelerations f decay; they are states of a filter. The step is L-stable: it damps stiff oscillations. It keeps the
 energy of slow oscillations to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
@@ -21,16 +21,16 @@ from dynamics.integration.kernels import GAMMA, ONCE, TWICE, along_steps, by_pus
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
-"""Shortest step relative to the whole interval, whatever its error [1]; numerical."""
+"""Shortest step, relative to the whole interval, for any error of the step [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """One step: its length [s], the state after it (n_state,), and its derivative with respect to the state before.
+    """One step: length [s], state after the step (n_state,), derivative with respect to the state before it.
 
     by_state: derivative of coordinates and velocities, (2 n, n_state)
     fading: factor by which each acceleration decays in the step, (n_f,)
-    S, K, M: matrices of the step as in `dynamics.integration.kernels`: [1/kg], (n, n); [N/m], (n, n); [kg], (n,)
+    S [1/kg], (n, n), K [N/m], (n, n), M [kg], (n,): matrices of the step as in `dynamics.integration.kernels`
     """
 
     step_s: float
@@ -42,12 +42,12 @@ class Move:
     M: Floats
 
     def pushed(self, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities in the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities in the step, (2 n, k), due to constant accelerations [m/s²], (n, k)."""
         return np.asarray(by_push(self.step_s, self.S, self.K, self.M, np.ascontiguousarray(accelerations)))
 
 
 def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
-    """Jacobian of successive steps (2 n, m), decay of forces (n_f,) and noise covariances (1 + n_sources, m, m).
+    """Jacobian of successive steps (2 n, m), decay of forces (n_f,), noise covariances (1 + n_sources, m, m).
 
     m = 2 n + n_f; sources (n_f,): index of each force's source; white (n,): see `kernels.along_steps`
     """
@@ -69,7 +69,7 @@ class Rosenbrock:
     fading_s : (n_f,)
         Correlation times of the decaying accelerations [s].
     tolerance_m : float
-        Difference of the two stages above which a step is halved [m].
+        Difference between the two stages above which a step is halved [m].
     """
 
     def __init__(
@@ -84,9 +84,9 @@ class Rosenbrock:
         self.rates, self.tolerance_m = 1.0 / fading_s, tolerance_m
 
     def moves(self, state: Floats, dt: float, longest_s: float, *, derivatives: bool = True) -> list[Move]:
-        """Integrate from a state, (n_state,), over dt [s], in steps of at most longest_s [s]; returns the steps.
+        """Integrate from a state (n_state,) over dt [s], in steps of at most longest_s [s]; returns the steps.
 
-        If derivatives is False, `by_state` is empty, and the computation is much faster.
+        derivatives: whether to compute `by_state`; if not, it is empty, and the computation is much faster
         """
         M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
         h = longest = dt / max(1, int(np.ceil(dt / longest_s * (1.0 - SAME_STEP))))

@@ -16,19 +16,19 @@ from dynamics.forces.tangent import stable_step
 from dynamics.network.mass_spring import MassSpringNetwork
 
 LONGEST_STEP = 1.0 / 240.0
-"""Longest Runge-Kutta step [s]; numerical: its error is under 0.01 mm in half a second at 0.5 m/s, which
+"""Longest Runge-Kutta step [s]; numerical: after half a second at 0.5 m/s, the error is below 0.01 mm, as
 `tests/dynamics/integration/test_stepping.py` checks."""
 
 SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
-"""Relative excess of an interval over n steps for which n steps still suffice: times are often rounded to 1 ns."""
+"""Relative excess of an interval over n steps with which n steps still suffice: times are often rounded to 1 ns."""
 
 
 class Stepper:
     """Integrator for batches of states of one network: compiled classical Runge-Kutta steps.
 
-    max_step_s: longest step [s]; for springs, at most half the stability limit
+    max_step_s: longest step [s]. For springs, a step is also at most half the stability limit.
     """
 
     def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
@@ -84,7 +84,7 @@ class Stepper:
         )
 
     def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
-        """Take n trapezoidal steps of h [s]; a continuum's motion is linear, so steps of any length are stable."""
+        """Take n trapezoidal steps of h [s]. Steps of any length are stable, because a continuum moves linearly."""
         network, solid = self.network, self.network.continuum
         assert solid is not None
         half = self._n_state // 2
@@ -110,7 +110,7 @@ def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0
 
 
 def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
-    """Time derivative of a network's states as a function of states (..., n_state) [m, m/s] and outside forces [N].
+    """Function from states (..., n_state) [m, m/s] and outside forces [N] to the time derivative of the states.
 
     The function reuses its arrays, because an adaptive integrator calls it 10,000 times.
     """
@@ -148,9 +148,9 @@ def integrate_adaptive(
 
     method: explicit or, for stiff networks, the implicit Radau; their results agree within the tolerances
 
-    force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be small
-    enough not to miss it. bends_s: times at which the force is continuous but its slope jumps [s]; a step ends at each
-    of them, because a step across it would be rejected. Raises RuntimeError if the integrator fails.
+    force(t): outside force on the free nodes [N], (n_free, dim). For a brief force or one with jumps, max_step_s must
+    be small enough not to miss it. bends_s: times at which the force is continuous but its slope jumps [s]. A step ends
+    at each of them, because a step across it would be rejected. Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

@@ -1,4 +1,4 @@
-"""Spring constants of a lattice from Young's modulus: by published formulas, or by a fit to virtual tests."""
+"""Spring constants of a lattice from Young's modulus, by published formulas or by a fit to virtual tests."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Largest number of steps, largest change of a factor in a step, and change below which the fit ends [1]; numerical."""
+"""Largest number of steps; largest change of a factor in a step; change below which the fit ends [1]; numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
-    """Spring stiffness [N/m], (n_springs,), by van Gelder's formula; young: of each tetrahedron [Pa], (m,).
+    """Spring stiffness [N/m], (n_springs,), by van Gelder's formula; young: Young's modulus of each tetrahedron [Pa].
 
     Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
     """
@@ -28,18 +28,18 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 
 
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
-    """Spring stiffness [N/m], (n_springs,), by Lloyd's formula; young: of each tetrahedron [Pa], (m,).
+    """Spring stiffness [N/m], (n_springs,), by Lloyd's formula; young: Young's modulus of each tetrahedron [Pa], (m,).
 
-    Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of its volume [lloyd2007].
+    Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of the same volume [lloyd2007].
     """
     edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
     return lattice.of_springs(2.0 * np.sqrt(2.0) / 25.0 * young * edge)
 
 
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
-    """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on each spring's direction.
+    """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on the spring's direction.
 
-    The factor of a spring along n is exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q]; factors: [1], (6,).
+    A spring along n has the factor exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q]; factors: [1], (6,).
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
@@ -56,10 +56,11 @@ class Sample(NamedTuple):
 
 
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
-    """Factors for `directed` [1], (6,), that give lattices of one structure the wanted Young's moduli.
+    """Factors for `directed` [1], (6,), with which lattices of one structure have the wanted Young's moduli.
 
-    Gauss-Newton on logarithms of the moduli: exact for one lattice, least squares for several. In a network of springs,
-    Poisson's ratios and shear moduli cannot be chosen independently. Raises ValueError if no factors are found.
+    Gauss-Newton steps on the logarithms of the moduli fit one lattice exactly, and several lattices by least squares.
+    In a network of springs, Poisson's ratios and shear moduli cannot be chosen independently. Raises ValueError if no
+    factors are found.
     """
     factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
     for _ in range(STEPS):
@@ -88,7 +89,7 @@ def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats
     """Logs of the ratios of wanted to present moduli, (6,); derivatives of the present logs by the factors, (6, 6).
 
     At equilibrium, the derivative of the energy by the stiffness k of a spring is half its squared elongation e. Under
-    unit tension therefore d(1/E) = -sum over springs of e² dk / V, with V the volume.
+    unit tension and with the volume V, this gives d(1/E) = -sum over springs of e² dk / V.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

@@ -23,25 +23,26 @@ JITTER = 0.2
 """Largest random shift of points, relative to the cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Distance of two points, relative to the cell, below which one is omitted [1]; choice: it avoids flat tetrahedra."""
+"""Least distance of two points, relative to the cell; if it is smaller, one point is omitted [1]; choice: this avoids
+flat tetrahedra."""
 
 FLATTEST = 1e-3
-"""Volume of a tetrahedron, relative to its longest edge cubed, below which it is omitted [1]; choice: the omitted ones
+"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice. Flatter tetrahedra are omitted; they
 have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Number of Newton steps to a surface, and half-width of the differences for its normal [1], relative to the side;
-numerical."""
+"""Number of Newton steps to a surface, and half-width of the differences for the surface's normal, relative to the side
+[1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
-    """Points along the structure of a tissue, with springs along the edges of their tetrahedra.
+    """Points along the structure of a tissue, with springs along the edges of tetrahedra between the points.
 
     Attributes
     ----------
     mesh : TetMesh
-        A cube with a corner at the origin; region 0 is the surrounding tissue, the others are the structure's tissues.
+        A cube with a corner at the origin. Region 0 is the surrounding tissue, others are the structure's tissues.
     springs : (n_springs, 2) int
         Ends of each spring.
     edges : (m, 6) int
@@ -49,8 +50,8 @@ class Lattice:
     depths : (n,)
         Distance of each point to the nearest surface of the structure [m], negative inside.
     alignment : (n_springs,)
-        Squared cosine of the angle between the spring and the nearest surface of the structure. It is 1 along a layer,
-        wall, duct or fibre, and 0 across. Its mean over random directions is 2/3.
+        Squared cosine of the angle between the spring and the nearest surface of the structure: 1 for a spring along a
+        layer, wall, duct or fibre, 0 for a spring across it, and on average 2/3 for random directions.
     """
 
     mesh: TetMesh
@@ -76,11 +77,11 @@ class Lattice:
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 
     def of_elements(self, tissues: Sequence[Tissue], key: str) -> Floats:
-        """The constant named `key` of the tissue of each element, (m,)."""
+        """The constant `key` of the tissue of each element, (m,)."""
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
     def of_springs(self, shares: Floats) -> Floats:
-        """For each spring, the sum of the shares of the adjacent tetrahedra, (n_springs,); shares: (m,)."""
+        """Sum of the shares of the tetrahedra around each spring, (n_springs,); shares: (m,)."""
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
@@ -99,7 +100,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
     side_m : float
         Side of the cube [m].
     cells : int
-        Number of cells along a side; the cube has about (cells + 1)³ points.
+        Number of cells along a side. The cube has about (cells + 1)³ points.
     rng : numpy.random.Generator
         Random generator for the points.
 
@@ -109,8 +110,8 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
     Notes
     -----
-    Points of a grid are shifted at random. If the nearest surface is within half a cell, they are then moved to it.
-    Points on a face of the cube stay on it. Few edges of their Delaunay triangulation cross a surface, see
+    The points of a grid are shifted at random. A point within half a cell of a surface is then moved to the surface.
+    Points on a face of the cube stay on this face. Few edges of the points' Delaunay triangulation cross a surface, see
     `Lattice.crossing`.
     """
 
@@ -135,7 +136,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
 
 def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
-    """The network of a lattice, which rests as drawn, without anchors and without weight.
+    """The network of a lattice without anchors and without weight. It rests as drawn.
 
     stiffness: stiffness of the springs [N/m], (n_springs,); tissues: tissue of each region, for masses and damping
     """
@@ -153,7 +154,7 @@ def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissu
 
 
 def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
-    """Points of the unit cube, (n, 3); those near a surface lie on it."""
+    """Points of the unit cube, (n, 3). Points near a surface are moved to it."""
     cell, along = 1.0 / cells, np.linspace(0.0, 1.0, cells + 1)
     x = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
     moves = (x > 0.5 * cell) & (x < 1.0 - 0.5 * cell)

@@ -1,11 +1,12 @@
 """Elastic moduli of a box, by virtual tests.
 
-Components have Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
+Components have Voigt's order: xx, yy, zz, yz, xz, xy. Shear strains are twice the tensor's components.
 
 Boundary conditions are mixed, as in [pahr2008]. Under a normal strain, each face moves along its normal and slides
 without friction. Under a shear strain, the sheared faces move along their planes, and the other faces slide without
-friction. The moduli lie between those for prescribed displacements and those for prescribed stresses on all faces. If
-the box is the unit cell of a periodic body and symmetric about its three planes, the moduli are those of this body.
+friction. The resulting moduli lie between two limits: prescribed displacements on all faces, and prescribed stresses on
+all faces. If the box is the unit cell of a periodic body and symmetric about its three planes, the moduli are exactly
+those of this body.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Axes of each component of strain."""
 
 ON_FACE = 1e-6
-"""Largest distance of a node from the face that it lies on, relative to the side of the box [1]; numerical."""
+"""A node lies on a face if its distance from it, relative to the side of the box, is at most this [1]; numerical."""
 
 LOOSE = 1e-10
-"""Pivot of the factored stiffness, relative to the stiffness matrix's largest diagonal entry, below which a node is
-loose [1]; numerical: the least pivot is about 1e-3 in lattices of tissues, and a rounding error at a loose node."""
+"""A node is loose if the pivot of the factored stiffness, relative to the largest diagonal entry of the stiffness, is
+below this [1]; numerical: in lattices of tissues, the least pivot is about 1e-3."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -63,9 +64,9 @@ class Moduli:
 
 
 def effective_moduli(network: MassSpringNetwork) -> Moduli:
-    """Moduli of a box of springs that rests as drawn; anchors move like other nodes.
+    """Moduli of a box of springs that rests as drawn. Anchors move like other nodes.
 
-    Raises NetworkError for a network in the plane and for a loose node.
+    Raises NetworkError for a network in the plane, and for a loose node, which moves without force.
     """
     return orthotropic_moduli(effective_stiffness(spring_stiffness(network), network.positions))
 
@@ -79,7 +80,7 @@ def spring_stiffness(network: MassSpringNetwork) -> csc_array:
 
 
 def orthotropic_moduli(stiffness: Floats) -> Moduli:
-    """Moduli of a material with this stiffness matrix [Pa], (6, 6)."""
+    """Moduli of a material with a given stiffness matrix [Pa], (6, 6)."""
     S = np.linalg.inv(stiffness)
     young, shear = 1.0 / np.diag(S)[:3], 1.0 / np.diag(S)[3:]
     poisson = np.array([-S[i, j] * young[i] for i, j in PAIRS[3:]])
@@ -94,21 +95,21 @@ def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
 
 
 def young_along(stiffness: Floats, directions: Floats) -> Floats:
-    """Young's modulus [Pa], (n,), along unit vectors, (n, 3), from the stiffness [Pa], (6, 6)."""
+    """Young's modulus [Pa], (n,), along unit vectors (n, 3), from a stiffness matrix [Pa], (6, 6)."""
     stress = tension(directions)
     return np.asarray(1.0 / np.einsum("da,ab,db->d", stress, np.linalg.inv(stiffness), stress))
 
 
 def tension(directions: Floats) -> Floats:
-    """Stress of a unit tension along each of n unit vectors, (n, 3), in Voigt's order, (n, 6)."""
+    """Stress under unit tension along each of n unit vectors (n, 3), in Voigt's order, (n, 6)."""
     return np.stack([directions[:, i] * directions[:, j] for i, j in PAIRS], axis=1)
 
 
 def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
-    """Stiffness [Pa], (6, 6), of a box from six virtual tests; normal and shear strains are assumed uncoupled.
+    """Stiffness [Pa], (6, 6), of a box from six virtual tests. Normal and shear strains are assumed to be uncoupled.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their positions [m], (n, 3). NetworkError for a
-    loose node.
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: positions of the nodes [m], (n, 3). Raises
+    NetworkError for a loose node, which moves without force.
     """
     return mean_stiffness(K, strained(K, nodes), float(np.ptp(nodes, axis=0).prod()))
 
@@ -122,7 +123,7 @@ def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
 
 
 def strained(K: csc_array, nodes: Floats) -> Floats:
-    """Displacements of all nodes in six virtual tests, each with one unit strain, (3 n, 6)."""
+    """Displacements of all nodes, (3 n, 6), in six virtual tests with one unit strain each."""
     on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
     for q, (i, j) in enumerate(PAIRS):  # Affine: strain times position
         moved[:, i, q] += 0.5 * nodes[:, j]
@@ -138,9 +139,10 @@ def strained(K: csc_array, nodes: Floats) -> Floats:
 
 
 def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
-    """Young's moduli [Pa], (3,), of a box that is stretched along each axis, with its four other faces free.
+    """Young's moduli of a box along each axis [Pa], (3,). In each test, the four faces at the sides are free.
 
-    The two pulled faces slide without friction. K, nodes: as in `effective_stiffness`. NetworkError for a loose node.
+    The two pulled faces slide without friction. K, nodes: as in `effective_stiffness`. Raises NetworkError for a loose
+    node.
     """
     lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
     found = np.empty(3)

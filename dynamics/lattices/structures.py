@@ -1,8 +1,8 @@
 """Structures of tissues in a cube: layers, cell walls, lobules with ducts, fibres.
 
-A structure is a function that returns the distances of points of the unit cube, (n, 3), from the surface of each of its
-tissues, (n_tissues, n); a distance is negative inside the tissue. The constants below define these structures; they are
-not settings.
+A structure is a function from points of the unit cube, (n, 3), to their distances from the surface of each tissue of
+the structure, (n_tissues, n). A distance is negative inside the tissue. The constants below define these structures;
+they are not settings.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Function that returns the distances of points, (n, 3), from the surface of each tissue except the surrounding one,
-(n_tissues, n), relative to the side."""
+"""Function from points, (n, 3), to their distances from the surface of each tissue, (n_tissues, n), relative to the
+side. The surrounding tissue is not included."""
 
 THICK, WALL = 0.12, 0.08
 """Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
 
-Ten cells of a lattice do not resolve the walls: over six foams 4.8 % of the springs cross a surface, and walls fill
-55.9 % of the mesh but 53.4 % of the structure."""
+A lattice of ten cells per side does not resolve the walls: over six foams, 4.8 % of the springs cross a surface, and
+walls fill 55.9 % of the mesh in place of 53.4 %."""
 
 LAYERS, WAVE = 3, 0.04
 """Number of layers, and amplitude of their waves, relative to the side."""
@@ -37,7 +37,7 @@ FIBRES = 4
 """Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of centres, relative to the side; for fibres, the shift and the amplitude of waves are half."""
+"""Largest random shift of centres, relative to the side. For fibres, the shift and the waves are half as large."""
 
 
 def plain(rng: np.random.Generator) -> Structure:
@@ -114,4 +114,4 @@ STRUCTURES: Mapping[str, tuple[Callable[[np.random.Generator], Structure], tuple
     "lobules": (lobules, ("fat", "gland", "fibrous")),
     "fibres": (fibres, ("fat", "fibrous")),
 }
-"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`: first the surrounding one."""
+"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`. The first one is the surroundings."""

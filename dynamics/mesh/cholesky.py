@@ -1,7 +1,7 @@
 """Cholesky factorisation of a mesh matrix by nested dissection [george1973] and dense fronts [duff1983].
 
 The cells are halved repeatedly. From the smallest parts upwards, each part eliminates the nodes that belong only to its
-cells. The Schur complement of its other nodes is its contribution to the larger part that contains it.
+cells. The Schur complement of the part's other nodes is its contribution to the larger part that contains it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""Sum of the numbers of nodes of the cells in a part, above which the part is halved [1]; numerical: with half or twice
-this number, factorising a breast of 14,000 nodes takes up to a third longer."""
+"""A part is halved if its cells have more nodes in all than this [1]; numerical: with half or twice this number, the
+factorisation of a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Factors of a part; own: rows that it eliminates, (m,); others: rows coupled to these, (k,).
+    """Factors of a part; own: rows that the part eliminates, (m,); others: rows coupled to these, (k,).
 
     chol: Cholesky factor, (m, m); coupling: (m, k)
     """
@@ -69,7 +69,7 @@ class MeshCholesky:
         self._fronts = elimination.fronts
 
     def solve(self, forces: Floats) -> Floats:
-        """Solutions (n dim, k) of K x = forces, (n dim, k)."""
+        """Solutions x of K x = forces; forces, x: (n dim, k)."""
         x = np.array(forces, dtype=float, order="C")
         for own, others, chol, coupling in self._fronts:
             x[own] = solve_triangular(chol, x[own], lower=True, check_finite=False)
@@ -80,7 +80,7 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Contribution of a part; nodes: its remaining nodes, (k,); counts: number of its cells at each of them, (k,).
+    """Contribution of a part; nodes: its remaining nodes, (k,); counts: number of its cells at each such node, (k,).
 
     schur: lower half of the Schur complement, (k dim, k dim)
     """
@@ -145,7 +145,7 @@ class _Elimination:
 
 @njit(cache=True, nogil=True)
 def _add(front, schur, at):  # type: ignore[no-untyped-def]
-    """Add the lower half of a symmetric matrix to the lower half of a front, at these rows."""
+    """Add the lower half of a symmetric matrix to the lower half of a front, at the rows `at`."""
     for j in range(len(at)):
         for i in range(j, len(at)):
             front[max(at[i], at[j]), min(at[i], at[j])] += schur[i, j]

@@ -11,13 +11,13 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
 
 INSIDE = -1e-9
-"""Least barycentric weight with which a point counts as inside an element [1]; numerical."""
+"""Least barycentric weight with which a point lies inside an element [1]; numerical."""
 
 
 def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Index of the element that contains each point, (k,), and barycentric weights of its corners, (k, 4).
+    """Index of the element that contains each point, (k,), and barycentric weights of the element's corners, (k, 4).
 
-    points: positions at rest [m], (k, 3). Raises MeshError for a point outside.
+    points: positions at rest [m], (k, 3). Raises MeshError for a point outside the mesh.
     """
     elements, weights = nearest_elements(mesh, points)
     for k, (point, own) in enumerate(zip(points, weights, strict=True)):
@@ -27,7 +27,7 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """As `locate`; for a point outside, the element in which the smallest weight is largest."""
+    """As `locate`, also for points outside the mesh: the element that maximises the smallest barycentric weight."""
     gradients = np.ascontiguousarray(mesh.gradients.transpose(1, 2, 0))
     centres = np.ascontiguousarray(mesh.nodes[mesh.elements].mean(axis=1).T)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
@@ -41,7 +41,7 @@ def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], 
 def locate_on_surface(
     mesh: TetMesh, faces: NDArray[np.int64], points: Floats
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Index of the face nearest to each point, (k,), weights of its corners, (k, 3), and distance from it [m], (k,).
+    """Face nearest to each point, (k,), weights of the face's corners, (k, 3), and distance from the face [m], (k,).
 
     faces: (n_faces, 3) int as in `surface`; points: [m], (k, 3)
     """
@@ -68,9 +68,9 @@ def locate_on_surface(
 
 
 def far_apart(places: Floats, count: int, first: Sequence[int] | NDArray[np.int64] = (0,)) -> NDArray[np.int64]:
-    """Indices of at most `count` places that are far from each other: each is farthest from all places chosen before.
+    """Indices of at most `count` places that are far from each other.
 
-    places: [m], (n, 3); first: indices of the places that are chosen first
+    Each place is the one farthest from all places chosen before. places: [m], (n, 3); first: indices to begin with
     """
     chosen = [int(index) for index in first]
     away = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)

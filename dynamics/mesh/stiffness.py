@@ -13,25 +13,25 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Number of elements in a patch [1]; choice: with 8 or more, beams in the tests bend equally; with 4, a tenth less."""
+"""Number of elements in a patch [1]; choice: beams in tests bend equally with 8 or more, and a tenth less with 4."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
-    """Lamé's constants lambda and mu [Pa] from Young's modulus [Pa] and Poisson's ratio."""
+    """Lamé's constants lambda and mu [Pa], from Young's modulus [Pa] and Poisson's ratio [1]."""
     E, nu = np.asarray(young, dtype=float), np.asarray(poisson, dtype=float)
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
 
 def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
-    """Mass of each node [kg], (n,): a quarter of the mass of its elements; density: [kg/m³], (m,) or one number."""
+    """Mass of each node [kg], (n,): a quarter of the mass of its elements; density [kg/m³]: (m,) or one number."""
     share = np.repeat(0.25 * mesh.volumes * density, 4)
     return np.asarray(np.bincount(mesh.elements.ravel(), share, minlength=len(mesh.nodes)), dtype=float)
 
 
 def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
-    """Index of the patch of each element, (m,): a patch has about `size` neighbouring elements of one region.
+    """Index of the patch of each element, (m,). A patch has about `size` neighbouring elements of one region.
 
-    The elements of a region are halved repeatedly across the longest side of the box around their centres.
+    The elements of a region are halved repeatedly, across the longest side of the box around the elements' centres.
     """
     centres, patch = mesh.nodes[mesh.elements].mean(axis=1), np.empty(len(mesh.elements), dtype=np.int64)
     tissues = [np.flatnonzero(mesh.regions == region) for region in np.unique(mesh.regions)]
@@ -49,7 +49,7 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
 
 
 class Strains(NamedTuple):
-    """Small strains of a mesh; the weighted sum of the squared strains is twice the stored energy [J].
+    """Small strains of a mesh. The weighted sum of the squared strains is twice the stored energy [J].
 
     Attributes
     ----------
@@ -119,9 +119,9 @@ def rest_stiffness(
     mesh : TetMesh
         Mesh of m elements.
     young, poisson : (m,) or float
-        Young's modulus [Pa] and Poisson's ratio of each element.
+        Young's modulus [Pa] and Poisson's ratio [1] of each element.
     free : (n_free,) int, optional
-        Nodes that move; default: all.
+        Nodes that move; default: all nodes.
     patch : (m,) int, optional
         Patch of each element, over which the dilatation is averaged; default: each element alone.
     """

@@ -21,13 +21,13 @@ class Surface:
     Attributes
     ----------
     faces : (n_faces, 3) int
-        Nodes of the mesh, counter-clockwise seen from outside.
+        Nodes of each face, counter-clockwise seen from outside.
     nodes : (k,) int
         Nodes of the faces, ascending.
     areas : (k,)
         A third of the area of the faces around each of these nodes [m²].
     normals : (k, 3)
-        Outward unit normals of these nodes: the mean over their faces, weighted by area.
+        Outward unit normals of these nodes: the mean normal of their faces, weighted by area.
     """
 
     faces: NDArray[np.int64]

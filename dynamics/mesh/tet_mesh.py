@@ -14,10 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from dynamics.arrays import Floats, made_again
 
 LARGEST_M = 2.0
-"""Extent above which a mesh is assumed to be in other units [m]; choice: no body of tissue is so long."""
+"""Largest extent of a mesh [m]; choice: a longer body of tissue does not exist, so the mesh is in other units."""
 
 FLATTEST = 1e-4
-"""Least volume of an element, relative to its longest edge cubed [1]; numerical; a regular tetrahedron has 0.12."""
+"""Least volume of an element, relative to its longest edge cubed [1]; numerical. A regular tetrahedron has 0.12."""
 
 
 class MeshError(ValueError):
@@ -33,9 +33,9 @@ class TetMesh:
     nodes : (n, 3)
         Positions at rest [m].
     elements : (m, 4) int
-        Nodes of each element; seen from the fourth, the first three run counter-clockwise.
+        Nodes of each element. Seen from the fourth node, the first three run counter-clockwise.
     regions : (m,) int
-        Tissue of each element, or a single one for all, (1,).
+        Tissue of each element, or one tissue for all elements, (1,).
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class TetMesh:
     Raises
     ------
     MeshError
-        Flat or flipped elements, loose parts, nodes of no element, an extent beyond 2 m.
+        If elements are flat or inverted, parts or nodes are not connected, or the extent exceeds 2 m.
     """
 
     nodes: Floats

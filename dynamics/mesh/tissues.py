@@ -1,7 +1,7 @@
 """Constants of the tissues of a breast, from measurements.
 
 Measured stiffness depends on the compression and rate of the test, and on whether the sample was inside a body.
-Sources therefore differ by a factor of ten; `YOUNG_RANGE_PA` has the reported range.
+Sources therefore differ by a factor of ten. `YOUNG_RANGE_PA` states the reported range.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ POISSON = 0.49
 """Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. At 0.495 the bulk modulus doubles."""
 
 DAMPING_S = 0.01
-"""Ratio of damping to stiffness [s]; choice, as for the phantoms: no source reports it below 1 Hz."""
+"""Ratio of damping to stiffness [s]; choice, as for the phantoms: no source reports this ratio below 1 Hz."""
 
 YOUNG_RANGE_PA = {
     "fat": (2.3e3, 22e3),  # samani2007, mean minus standard deviation; krouskop1998

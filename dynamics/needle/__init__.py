@@ -1,4 +1,4 @@
-"""Needle mechanics: forces of contact, cutting, friction.
+"""Needle mechanics: forces of contact, cutting and friction.
 
 Mechanics belong here, hit probabilities do not.
 """

@@ -15,7 +15,7 @@ from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
 from dynamics.network.mass_spring import MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
-"""Longest step of the adaptive integrator [s]; numerical: a step must not miss the moment of contact; at 50 mm/s the
+"""Longest step of the adaptive integrator [s]; numerical: a step must not miss the moment of contact. At 50 mm/s, the
 tip advances by half a millimetre per step."""
 
 
@@ -25,7 +25,7 @@ class InsertionHistory:
 
     times_s: times [s], (n_times,); states: states of the network, (n_times, n_state)
     axial_forces: forces of the needle on the tissue, along the needle [N], (n_times,)
-    punctured_s: time of the skin's puncture [s], None without puncture
+    punctured_s: time at which the skin was punctured [s]; None without puncture
     """
 
     times_s: Floats
@@ -42,7 +42,7 @@ class InsertionHistory:
 def force_on_free(
     network: MassSpringNetwork, needle: NeedleMechanics, *, punctured: bool
 ) -> Callable[[float, Floats], Floats]:
-    """The needle's force on the free nodes [N], (..., n_free, dim), from time [s] and states (..., n_state)."""
+    """Function from time [s] and states (..., n_state) to needle forces on the free nodes [N], (..., n_free, dim)."""
     lead = network.positions
 
     def force(t: float, states: Floats) -> Floats:
@@ -62,7 +62,7 @@ def forced_states(
     times: ArrayLike,
     n_steps: int = 1,
 ) -> Floats:
-    """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps from each time to the next.
+    """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps in each interval.
 
     force(t, state): force on the free nodes [N], (n_free, dim); it is computed at each stage of a step
     """
@@ -93,10 +93,10 @@ def simulate_insertion(
     rtol: float = 1e-8,
     atol: float = 1e-10,
 ) -> InsertionHistory:
-    """Simulate the tissue under a needle from `state` at the first of the times [s], with SciPy's DOP853.
+    """Simulate the tissue under a needle with SciPy's DOP853, from `state` at the first of the times [s].
 
     outside(t): other forces on the free nodes [N], (n_free, dim)
-    The puncture is the time at which the contact force reaches the puncture force; the integration restarts then.
+    The skin is punctured when the contact force reaches the puncture force; the integration restarts at this time.
     Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)

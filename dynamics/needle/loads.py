@@ -1,7 +1,8 @@
 """Needle forces of contact, cutting and friction: a known input of the tissue's equations of motion.
 
-The force has three phases, as [okamura2004] and [simone2002] decompose measured forces. Before the puncture the tip
-dents the skin like a spring. Then the tip cuts with a constant force and there is friction along the shaft:
+The force has three phases, as in the decomposition of measured forces by [okamura2004] and [simone2002]. Before the
+puncture the tip dents the skin like a spring. Then the tip cuts with a constant force and there is friction along the
+shaft:
 
     contact   F = k (depth of the tip beyond the skin)          until F reaches the puncture force
     cutting   F = f_c s(v)  at the tip, forward only
@@ -11,7 +12,7 @@ with v the axial speed of the needle relative to the adjacent tissue. Each force
 displacement is a weighted mean of the nodes' displacements. The same weights distribute the force over the nodes, so
 that the work at the point equals the work on the nodes.
 
-This differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction
+This differs from [okamura2004]: their modified Karnopp model has a dead band with stiction. Here Coulomb friction
 builds up over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
 """
 
@@ -28,10 +29,10 @@ from dynamics.forces.kernels import contact_force, sliding_force
 from dynamics.network.mass_spring import MassSpringNetwork
 
 GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
-"""Nominal outer diameters of needles by gauge [mm]: [iso9626]."""
+"""Nominal outer diameters of needles by gauge [mm]; source: [iso9626]."""
 
 SHAFT = np.polynomial.legendre.leggauss(8)
-"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft; numerical: exact to degree 15."""
+"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft; numerical: exact up to degree 15."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,10 +86,10 @@ class NeedleMechanics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleLoad:
-    """Forces between needle and tissue at one time, for one state or a batch of them (...).
+    """Forces between needle and tissue at one time, for one state or a batch of states (...).
 
     nodes: force on each node, including anchors [N], (..., n_nodes, dim)
-    on_needle: reading of a sensor at the hub, the tissue's force on the needle [N], (..., dim)
+    on_needle: force of the tissue on the needle, as a sensor at the hub reads it [N], (..., dim)
     contact, cutting, friction: parts of the axial force on the tissue [N], (...)
     """
 
@@ -102,9 +103,9 @@ class NeedleLoad:
 def straight_insertion(
     entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
 ) -> Callable[[float], NeedlePose]:
-    """Pose function of a needle inserted along a line at a constant speed [m/s] from the entry to a depth [m].
+    """Function from time to the pose of a needle on a line, with constant speed [m/s], from the entry to a depth [m].
 
-    entry: position [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
+    entry: position [m], (dim,), reached at start_s; towards: a point on the line beyond the entry [m], (dim,)
     Before start_s the needle approaches at the same speed; at the depth it stops. Raises ValueError for equal points.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
@@ -122,11 +123,11 @@ def straight_insertion(
 
 
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
-    """Weights that distribute a force at each point over the nodes, (..., n_nodes); their sum is one.
+    """Weights that distribute a force at each point over the nodes, (..., n_nodes). Their sum is one.
 
     points: [m], (..., dim)
-    The weights are a Gaussian kernel of the distance to the nodes as drawn: tissue moves by millimetres, and nodes are
-    centimetres apart. Far from all nodes, the nearest node gets the whole force.
+    The weights are a Gaussian kernel of the distance to the nodes in the drawn shape. Far from all nodes, the nearest
+    node gets the whole force.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
@@ -135,7 +136,7 @@ def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) 
 
 
 def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
-    """Depth of the tip beyond the skin, which moves with the nodes [m], (...); negative before contact.
+    """Depth of the tip beyond the skin [m], (...); negative before contact. The skin moves with the nodes.
 
     positions: positions of all nodes [m], (..., n_nodes, dim)
     """
@@ -158,7 +159,8 @@ def needle_load(
 ) -> NeedleLoad:
     """Compute the forces between needle and tissue at time t [s].
 
-    positions, velocities: those of all nodes [m], [m/s], (..., n_nodes, dim); punctured: whether the skin is punctured
+    positions, velocities: positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim) each
+    punctured: whether the skin is punctured
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
@@ -181,11 +183,11 @@ def needle_load(
 def distributed_force(
     network: MassSpringNetwork, needle: NeedleMechanics, t: float, push_N: float, *, punctured: bool
 ) -> Floats:
-    """A measured axial force, distributed over the free nodes [N], (n_free, dim): a known input for a filter.
+    """Known input of a filter: a measured axial force, distributed over the free nodes [N], (n_free, dim).
 
     push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative
-    Before the puncture the force acts at the entry. After it, the force is distributed over tip and shaft in proportion
-    to the cutting force and full friction.
+    Before the puncture the force acts at the entry. After the puncture, it is distributed over tip and shaft in
+    proportion to the cutting force and the full friction.
     """
     pose = needle.pose(t)
     points, parts = needle.entry[None], np.ones(1)

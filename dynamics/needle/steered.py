@@ -1,11 +1,11 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
 `dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance, and uses
-DOP853. Here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare the two.
+DOP853. Here the motion is given piece by piece, and a whole insertion takes milliseconds. Tests compare the results.
 
 A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because these forces change
-steeply while the needle hardly slides. The part of the points' displacement that the modes omit follows the forces
-without delay, by the residual flexibility [macneal1971].
+steeply at small sliding speeds. The displacement of the points that the modes omit follows the forces without delay,
+by the residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step for springs [s]; numerical: after 0.5 s of insertion the target is within 2 µm of the adaptive
-integrator's result, which `tests/dynamics/needle/test_steered.py` checks."""
+"""Longest step for springs [s]; numerical: after 0.5 s of insertion the target differs by less than 2 µm from the
+adaptive integrator's result, as `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
 """Longest step for a continuum [s]; numerical: the error is 5 µm, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Iterations for sliding speeds: their largest number, and the change, relative to the slip velocity, that ends them;
+"""Largest number of iterations for sliding speeds, and change, relative to the slip velocity, below which they end;
 numerical."""
 
 OF_STABLE = 0.25
-"""Longest step, relative to the longest stable step; numerical: it damps the fastest vibration by 0.1 % per step."""
+"""Longest step, relative to the longest stable step; numerical: the fastest vibration loses 0.1 % per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleMotion:
     """Straight motion of a needle until the next command.
 
-    tip: present position [m], (dim,); velocity: velocity of the needle, axial and lateral [m/s], (dim,)
+    tip: present position [m], (dim,); velocity: axial and lateral velocity of the needle [m/s], (dim,)
     direction: unit vector along the needle, (dim,)
-    inserted_m: present depth of the tip beyond the skin, negative before the skin [m]
+    inserted_m: present depth of the tip beyond the skin [m], negative outside
     """
 
     tip: Floats
@@ -73,7 +73,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State at rest with the free nodes at these places [m], (n_free, dim); a continuum's modal state follows it."""
+    """State at rest with the free nodes at given places [m], (n_free, dim). A continuum's modal state is appended."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -92,9 +92,10 @@ def advance_steered(
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State after the interval between_s [s], (n,), and whether the skin is then punctured.
+    """State after an interval of time, (n,), and whether the skin is punctured at the end.
 
-    state: state before it, as from `steady_state`, (n,); punctured: whether the skin is punctured before
+    state: state at the start, as from `steady_state`, (n,); punctured: whether the skin is punctured at the start
+    between_s: start and end of the interval [s]
     needle: constants of the forces; the pose and the entry come from `motion`
     Raises ValueError if the interval ends before it starts.
     """
@@ -134,7 +135,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum; for springs, FINEST_STEP or, if they are very stiff, less."""
+    """Longest step [s]: SOLID_STEP for a continuum, FINEST_STEP for springs, or less for very stiff springs."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -148,7 +149,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps of dt [s], and whether the skin is punctured; steps: forces, start, dt, n."""
+    """State of a continuum after n steps, and whether the skin is punctured; steps: forces, start, step [s], n."""
     solid, (outside, start, dt, n) = network.continuum, steps
     assert solid is not None  # the caller checks it
     give, r, drawn = _residual(network), len(solid.rates), network.positions
@@ -234,7 +235,7 @@ def _residual(network: MassSpringNetwork) -> Floats:
 def sliding_friction(
     network: MassSpringNetwork, needle: NeedleMechanics, tips: ArrayLike, direction: Floats, depths: Floats
 ) -> Floats:
-    """Forces on the free nodes [N], (n, n_free, dim), by a needle with full cutting force and full friction.
+    """Forces on the free nodes [N], (n, n_free, dim), due to a needle with full cutting force and full friction.
 
     tips: positions of the tip after the puncture [m], (n, dim); depths: depths of the tip in the tissue [m], (n,)
     """

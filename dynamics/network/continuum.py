@@ -11,18 +11,18 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Rate of a mode, relative to the largest rate, below which the mode counts as a motion without resistance."""
+"""A mode is a motion without resistance if its rate, relative to the largest rate, is below this."""
 
 FREE = 0.2
-"""Assumed growth rate of forces [1/s], with which the response of a free body is finite; numerical."""
+"""Assumed growth rate of forces, so that the response of a free body is finite [1/s]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn: its modes, and its matrices condensed to points, the free nodes of the network.
+    """A solid that rests as drawn: its vibration modes, and its matrices condensed to the free nodes of the network.
 
     A modal coordinate is the root mean square displacement of the body, weighted by mass. The mass of each mode is
-    therefore the mass of the whole body. If the wall is driven, its six rigid motions precede the modes.
+    therefore the mass of the whole body. If the wall is driven, six rigid motions of the wall precede the modes.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Continuum:
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with each tissue's stiffness multiplied by a factor, (n_tissues,), and with its new modes."""
+        """A continuum with new modes: the stiffness of each tissue is multiplied by its factor, (n_tissues,)."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes
@@ -121,10 +121,10 @@ class Continuum:
         )
 
     def with_driven_wall(self, places: Floats) -> Continuum:
-        """The continuum on a wall that moves as a rigid body in an unknown way; places: its points [m], (n_free, 3).
+        """The continuum on a wall that moves as a rigid body in an unknown way; places: free nodes [m], (n_free, 3).
 
-        Six further modes shift and turn all points with the wall. The body's inertial force in this motion is treated
-        as an unknown force.
+        Six more modes shift and turn all points with the wall. The body's inertial force in this motion is treated as
+        an unknown force.
         """
         arms = (places - places.mean(axis=0)) / self.extent_m
         turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T

@@ -1,4 +1,4 @@
-"""Mass-spring networks, the model of the tissue, checked at construction."""
+"""Mass-spring networks, checked at construction: the model of the tissue."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SPRING_CONSTANTS = {"stiffness": "more than 0", "rest_lengths": "more than 0", "
 
 
 class NetworkError(ValueError):
-    """Error for a network that cannot be simulated; the message names the field, the expected and the found value."""
+    """Error for a network that cannot be simulated. The message names the field, the expected and the found value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,7 @@ class MassSpringNetwork:
 
     @property
     def is_held(self) -> bool:
-        """Whether anchors hold the body in place; False for a wall that moves in an unknown way."""
+        """Whether anchors hold the body in place; False if they are a wall that moves in an unknown way."""
         return bool(self.fixed.any()) and (self.continuum is None or bool(np.isfinite(self.continuum.masses).all()))
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
@@ -135,7 +135,7 @@ class MassSpringNetwork:
 
     @property
     def dim(self) -> int:
-        """Dimension: two in the plane, three in space."""
+        """Dimension: 2 in the plane, 3 in space."""
         return int(self.positions.shape[1])
 
     @property
@@ -145,17 +145,17 @@ class MassSpringNetwork:
 
     @property
     def n_state(self) -> int:
-        """Length of a state: positions then velocities of the free nodes."""
+        """Length of a state, which contains the positions, then the velocities of the free nodes."""
         return 2 * len(self.free) * self.dim
 
     def index(self, name: str) -> int:
-        """Index of the node with this name among all nodes; NetworkError if there is none."""
+        """Index of the node with a given name among all nodes; NetworkError if there is none."""
         if name not in self.names:
             raise NetworkError(f'no node named "{name}"')
         return self.names.index(name)
 
     def coordinates(self, name: str) -> slice:
-        """Position of a free node's coordinates in a state vector; NetworkError for an anchor."""
+        """Slice of a state vector with the coordinates of a free node; NetworkError for an anchor."""
         place = np.flatnonzero(self.free == self.index(name))
         if not len(place):
             raise NetworkError(f'node "{name}": expected a free node, found an anchor')
@@ -209,13 +209,13 @@ def unpack(states: ArrayLike, dim: int) -> tuple[Floats, Floats]:
 def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
     """Distance between the two nodes of each spring [m], (n_springs,).
 
-    positions: those of all nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
+    positions: positions of all nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     """
     return np.asarray(np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1))
 
 
 def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
-    """Positions of all nodes [m], (n_nodes, dim), from given positions of the free nodes, (n_free, dim)."""
+    """Positions of all nodes [m], (n_nodes, dim), from positions of the free nodes [m], (n_free, dim)."""
     positions = network.positions.copy()
     positions[network.free] = free_positions
     return positions

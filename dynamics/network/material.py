@@ -1,4 +1,4 @@
-"""Material coordinates: positions of nodes along the body, which do not depend on how it is bent."""
+"""Material coordinates: positions of nodes along the body, which do not depend on how the body is bent."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""Least scatter of nodes along a direction that counts as a dimension, relative to the largest scatter [1]; choice."""
+"""A direction is a dimension if the scatter of nodes along it exceeds this share of the largest scatter [1]; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
-    """Length of the shortest path along springs between any two nodes [m], (n, n); inf if there is none.
+    """Length of the shortest path along springs between any two nodes [m], (n, n); inf if there is no path.
 
-    lengths: lengths of the springs [m], (n_springs,). If several springs join two nodes, the shortest counts.
+    lengths: lengths of the springs [m], (n_springs,). If several springs join two nodes, the shortest spring counts.
     """
     n, by_length = network.n_nodes, np.argsort(lengths)
     pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
@@ -28,8 +28,8 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 def material_coordinates(network: MassSpringNetwork) -> Floats:
     """Coordinates of all nodes in the straightened body [m], (n_nodes, n), with n up to the network's dimension.
 
-    Classical multidimensional scaling: distances between the points best fit the lengths of the paths along the springs
-    as drawn. A cable is a line (n = 1), even if it is drawn bent. Source: [torgerson1952].
+    By classical multidimensional scaling, distances between the points best fit the lengths of the paths along the
+    springs in the drawn shape. A cable is a line (n = 1), even if it is drawn bent. Source: [torgerson1952].
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))

@@ -1,4 +1,4 @@
-"""Built-in phantoms; elastic bodies from given nodes.
+"""Built-in phantoms, and elastic bodies from given nodes.
 
 A new network belongs here.
 """

@@ -14,14 +14,14 @@ from dynamics.phantoms.lattice import Phantom, elastic_body
 
 RADIUS_M = 0.060
 YOUNG_PA = 5e3
-"""Young's modulus of fat and gland together [Pa]; measured moduli are a few kPa [gefen2007]."""
+"""Young's modulus of fat and gland together [Pa]. Measured moduli are a few kPa [gefen2007]."""
 
 FEWEST, MOST = 6, 60
 SKIN_SHARE = 0.6
 """Share of the masses on the skin; the others are inside."""
 
 N_WALL = 8
-"""Number of anchors around the base; another anchor is in its middle."""
+"""Number of anchors around the base. One more anchor is in the middle of the base."""
 
 TARGET = (0.15, 0.1, 0.45)
 """Position of the target, relative to the radius."""
@@ -33,7 +33,7 @@ GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
-    """A breast at rest under gravity, with the skin as outer nodes and the target inside; young: Young's modulus [Pa].
+    """A breast at rest under gravity, with outer nodes on the skin and the target inside; young: Young's modulus [Pa].
 
     Raises NetworkError for fewer than 6 or more than 60 masses, and for a modulus at which the breast loses its shape.
     """
@@ -63,7 +63,7 @@ def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
 
 
 def _dome(n: int) -> Floats:
-    """Points spread evenly over the unit hemisphere above z = 0, none at its base, (n, 3): a spiral."""
+    """Points on a spiral, spread evenly over the unit hemisphere above z = 0, without points at its base, (n, 3)."""
     z = 1.0 - 0.9 * (np.arange(n) + 0.5) / n
     around = GOLDEN * np.arange(n)
     return np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)

@@ -16,22 +16,22 @@ SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height and depth [m]."""
 
 ROUND = 0.8
-"""Share by which a box's grid is rounded to an ellipsoid [1]; with 1, elements at the box's edges would be flat."""
+"""Degree to which a box's grid is rounded to an ellipsoid [1]. With 1, elements at the box's edges would be flat."""
 
 CORE = 0.6
 """Extent of the gland, relative to the breast's extent [1]."""
 
 TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
-"""Tissues in the order of the regions; moduli of the same order as those measured in compression [samani2007]."""
+"""Tissues in the order of the regions. Moduli have the order of magnitude of measured ones [samani2007]."""
 
 TARGET = (0.2, 0.15, 0.45)
 """Position of the target, relative to the semi-axes."""
 
 
 def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.int64]]:
-    """The mesh with these numbers of cells in width and depth, and its nodes on the chest wall, (n_fixed,).
+    """The mesh, and its nodes on the chest wall, (n_fixed,); across, deep: numbers of cells in width and in depth.
 
-    It has (across + 1)² (deep + 1) nodes, and six tetrahedra per cell.
+    The mesh has (across + 1)² (deep + 1) nodes, and six tetrahedra per cell.
     """
     counts = (across, across, deep)
     axes = [np.linspace(-1.0, 1.0, across + 1)] * 2 + [np.linspace(0.0, 1.0, deep + 1)]
@@ -44,7 +44,7 @@ def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.in
 
 
 def breast_points(mesh: TetMesh, fixed: NDArray[np.int64], n_marks: int = 40) -> dict[str, Floats]:
-    """Positions [m] of marks far from each other on the skin, `M1` and so on, and of a `target` inside."""
+    """Positions [m] of marks on the skin, `M1` and so on, far from each other, and of a `target` inside."""
     on_skin = mesh.nodes[np.setdiff1d(surface(mesh).nodes, fixed)]
     chosen = far_apart(on_skin, n_marks, [int(on_skin[:, 2].argmax())])
     marks = {f"M{k}": on_skin[i] for k, i in enumerate(chosen, start=1)}

@@ -2,8 +2,8 @@
 
 [paper] gives the topology (Fig. 3, Fig. 5), but no values of the constants. The constants below define this phantom;
 they are not settings. The grid spacing is 200 mm, and each mass is 0.2 kg. The springs are so stiff that the phantom
-stays upright under pokes of 10 m/s². Friction represents the "slightly friction" of the acrylic planes. The reasons are
-in `docs/decisions/02-phantom-constants.md`.
+stays upright under pokes of 10 m/s². Friction represents the "slightly friction" of the acrylic planes in [paper]. The
+reasons are in `docs/decisions/02-phantom-constants.md`.
 """
 
 from __future__ import annotations

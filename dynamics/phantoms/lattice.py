@@ -1,4 +1,4 @@
-"""Elastic bodies from given nodes: springs between them and their stiffness, at rest as drawn."""
+"""Elastic bodies from given nodes, joined by springs that are stiff enough for the body to rest as drawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Length, relative to the median, above which an edge of the triangulation spans a gap and gets no spring [1]."""
+"""An edge of the triangulation spans a gap, and gets no spring, if it is longer than this times the median edge [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -31,7 +31,7 @@ class Phantom:
     """A practice body: a network that rests as drawn, and its target.
 
     target: name of the hidden target node; outer: names of the free nodes on the outside, which can have marks
-    groups: name of each spring's group of similar springs, (n_springs,)
+    groups: group name of each spring, (n_springs,); a group contains similar springs
     """
 
     network: MassSpringNetwork
@@ -41,7 +41,7 @@ class Phantom:
 
 
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors and edges that span a gap.
+    """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors or across gaps.
 
     positions: [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
     """
@@ -58,13 +58,14 @@ def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.
 
 
 def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: float) -> float:
-    """One stiffness for all springs [N/m], with which a lattice is as stiff as an elastic body.
+    """Stiffness, the same for all springs [N/m], with which a lattice is as stiff as an elastic body.
 
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
-    By [vangelder1998] a spring of length l has k = E V / l², with V the volume of the adjacent simplices. The sum of
-    k l² over all springs is then E times the body's volume times the number of edges of a simplex; the stiffness here
-    gives this sum. Under uniform stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4; sheet: 1/3.
+    According to [vangelder1998], a spring of length l has k = E V / l², with V the volume of the adjacent simplices.
+    The sum of k l² over all springs is then E times the body's volume times the number of edges of a simplex. The
+    common stiffness gives the same sum. Under uniform stretch, the lattice is as stiff as a body with E and Poisson's
+    ratio 1/4 in space or 1/3 in the plane.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
@@ -83,11 +84,11 @@ def elastic_body(
 ) -> MassSpringNetwork:
     """An elastic body that rests under gravity along -y with its nodes at these positions [m], (n_nodes, dim).
 
-    young: Young's modulus [Pa]; in the plane, that of a sheet of thickness `SHEET_M`
+    young: Young's modulus [Pa]. In the plane, the body is a sheet of thickness `SHEET_M`.
     springs: the two nodes of each spring, (n_springs, 2); default: `delaunay_springs`
     stiffness, damping: of each spring [N/m], [N s/m], (n_springs,); default: from `young` and `DAMPING_S`
     masses: [kg], (n_nodes,); default: the mass of water in the body's volume, divided equally among the free nodes
-    Without anchors the body has no weight. Raises NetworkError if it is too soft for its weight.
+    Without anchors the body has no weight. Raises NetworkError if the body is too soft to support its weight.
     """
     dim = positions.shape[1]
     thick = 1.0 if dim == 3 else SHEET_M
@@ -110,12 +111,12 @@ def elastic_body(
 
 
 def volume(positions: Floats) -> float:
-    """Volume of the convex hull of the nodes [m³], or area in the plane [m²]. Raises NetworkError if it has none."""
+    """Volume of the convex hull of the nodes [m³], or its area in the plane [m²]; NetworkError if it has none."""
     return float(_hull(positions).volume)
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all nodes, (n_nodes,).
+    """Whether each node is a corner of the convex hull of all nodes, (n_nodes,); positions: [m], (n_nodes, dim).
 
     Raises NetworkError if the hull has no volume.
     """
@@ -125,9 +126,9 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 
 
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
-    """Distance along a unit vector from a point inside the convex hull of the nodes to the hull's surface [m].
+    """Distance from a point inside the nodes' convex hull to the surface of the hull [m], along a unit vector.
 
-    positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
+    positions: positions of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector, (dim,)
     Raises NetworkError if the hull has no volume.
     """
     facets = _hull(positions).equations

@@ -12,11 +12,11 @@ from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
-"""Spacing of neighbours in a row [m]; each row is half a spacing above the row below and shifted by half a spacing."""
+"""Spacing of neighbours in a row [m]. Each row is half a spacing above the row below, and shifted by half a spacing."""
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Stiffness of a spring divided by the number of masses [N/m]; every phantom then sags by about 10 % of the spacing."""
+"""Stiffness of a spring divided by the number of masses [N/m]. Every phantom then sags by about 10 % of the spacing."""
 
 DAMPING_S = 0.0025
 """Damping of a dashpot divided by the stiffness of its spring [s]."""
@@ -25,11 +25,11 @@ DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Ratio of the number of masses to the squared number in a row; with it, the phantom is about as high as wide."""
+"""Ratio of the number of masses to the squared number of masses in a row, so that the phantom is as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
-    """A flat phantom at rest under gravity, with the innermost mass hidden; NetworkError outside 4 to 60 masses."""
+    """A flat phantom at rest under gravity, whose innermost mass is hidden; NetworkError outside 4 to 60 masses."""
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
     masses, rim, wide = _rows(n_masses)

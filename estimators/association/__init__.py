@@ -1,4 +1,4 @@
-"""Association of interchangeable marks: a filter for each hypothesis about names.
+"""Association of interchangeable marks, with one filter for each hypothesis about their names.
 
 Decisions over several frames belong here.
 """

@@ -1,7 +1,7 @@
-"""Names of interchangeable marks: the cost of each assignment in a frame, and the plausible exchanges.
+"""Names of interchangeable marks: cost of each assignment in a frame, and plausible exchanges of names.
 
-Each mark has the name of a node, but may be on another one. Names are a tuple of indices of interchangeable nodes:
-entry j is the index of the node that bears mark j, which has the name of node j.
+A mark has the name of a node, but may be on another node. `Names` state where the marks are: mark j has the name of
+interchangeable node j, and entry j is the index of the node that really bears this mark.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Names = tuple[int, ...]
 
 
 class InterchangeableMarks:
-    """Groups of nodes whose marks are interchangeable; names are never exchanged between groups.
+    """Groups of nodes whose marks are interchangeable. Names are never exchanged between groups.
 
-    nodes: the nodes in groups of two or more; own: the names if each mark is on the node of its name
+    nodes: all nodes in groups of two or more; own: `Names` for the case that each mark is on the node of its name
     """
 
     def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
@@ -35,13 +35,13 @@ class InterchangeableMarks:
         self._place = {node: i for i, node in enumerate(self.nodes)}
 
     def by_node(self, names: Names) -> dict[str, str]:
-        """The node on which each mark is, by the name of the mark."""
+        """Map from the name of each mark to the name of the node that bears it."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
-        """Cost (n, n) of the assumption that the mark with the name of node j is on node i; 0 for an absent mark.
+        """Cost (n, n) of the assumption that node i bears mark j: -log of the predicted density of the mark's position.
 
-        A cost is -log of the density that the filter predicts or, if `starting`, of the density at the start.
+        A column is 0 if its mark is absent. If `starting`, the density is that of the prior.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
@@ -57,7 +57,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Alternatives to these names, the most probable first, each with its number of exchanges.
+        """Alternatives to `names`, the most probable first, each with its number of exchanges.
 
         worst: largest additional cost of an alternative in this frame; most: largest number of alternatives
         """
@@ -85,7 +85,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """The same names after each mark i has received the name new[i]; every mark stays on its node, names[i]."""
+    """`names`, expressed with the new names of the marks: mark i is now called new[i], and stays on node names[i]."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]
@@ -93,7 +93,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each moved to the node that `names` gives for it; a mark that is not in `names` keeps its node."""
+    """The marks with the nodes to which `names` maps their names; marks of other nodes stay as they are."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

@@ -1,4 +1,4 @@
-"""Identification of interchangeable marks: while their names are uncertain, there is a filter for each hypothesis."""
+"""Identification of interchangeable marks. While names are uncertain, each hypothesis about names has a filter."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class AssociatedEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """Alternative names for the marks, and the filter's state with them.
+    """Alternative names of the marks, and the filter's state under these names.
 
-    ahead: log odds of the alternative names against the present names
-    since_s: time when the alternative began [s]
+    ahead: log odds of these names, relative to the present names
+    since_s: time when this alternative began [s]
     """
 
     names: Names
@@ -56,19 +56,19 @@ Hypotheses = dict[Names, Hypothesis]
 
 
 class AssociationFilter:
-    """Filter for interchangeable marks, which adopts other names once they are decisively more probable.
+    """Filter for interchangeable marks. It adopts other names of the marks if these are decisively more probable.
 
-    This is a hidden Markov model of the names. In each frame, every exchange of two names that the frame does not
-    exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same
-    names, the more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of
-    its marks' likelihoods and of the prior odds of each exchange. A clearly worse alternative is dropped. If an
-    alternative is clearly better and TRACKING, its names and its filter replace the present ones.
+    The names are the state of a hidden Markov model. In each frame, every exchange of two names that the frame does not
+    exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same names,
+    the more probable path is kept (Viterbi's algorithm). The probability of an alternative is the product of its marks'
+    likelihoods and of the prior odds of each exchange. A clearly worse alternative is dropped. If an alternative is
+    clearly better and its status is TRACKING, its names and its filter replace the present ones.
 
     At a start, after a divergence, and when marks are rejected, any names may be right. Then several filters restart,
     each with one of the assignments of names that best fit the rest shape. Since the tissue may be turned or displaced,
-    this fit changes the log odds by at most `settings.decisive`. Another filter restarts with the present names. An
-    alternative must also be better than this filter, because the large covariance after a restart alone may make a
-    filter more probable than the running one.
+    this fit changes the log odds by at most `settings.decisive`. One more filter restarts with the present names. An
+    alternative must also be better than this filter, because a restart alone may make marks more probable: it enlarges
+    the covariance.
 
     tissue: the filter; predict it first, then call `update` here
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
@@ -89,13 +89,13 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """Marks as the tracker names them, each assigned to its present node."""
+        """The tracker's marks, each assigned to the node that presently bears it."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a direct measurement of the target [m], (dim,), with its covariance [m²], (dim, dim).
+        """Update the present filter and all alternatives with a direct measurement of the target.
 
-        It updates the filter and the filter of every alternative.
+        position: measured position [m], (dim,); cov: covariance of the measured position [m²], (dim, dim)
         """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)
@@ -111,7 +111,7 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with marks at the filter's time, as `named` returns them.
+        """Update with the marks of a frame at the filter's time; `named` must have assigned them to nodes.
 
         Raises ValueError and CovarianceError as the filter does.
         """
@@ -146,12 +146,12 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Shortest time between two restarts [s]; a filter with wrong names diverges within this time."""
+        """Shortest time between two restarts [s]. Within this time, a filter with wrong names diverges."""
         return 2.0 * self.tissue.settings.test_s
 
     @property
     def _least_ahead(self) -> float:
-        """Log odds, relative to the best names, below which names are dropped."""
+        """Log odds, relative to the best names, below which an alternative is dropped."""
         return -self.settings.exchange - 2.0 * self.settings.decisive
 
     def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
@@ -162,7 +162,7 @@ class AssociationFilter:
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
-        """Whether any names may be right, because marks are rejected; False during the pause after a restart."""
+        """Whether to restart with other names because marks are rejected; False during the pause after a restart."""
         now_s, seen = estimate.time_s, {mark.node for mark in marks}.intersection(self.interchangeable.nodes)
         refuted = estimate.status is Status.DIVERGED or not seen <= estimate.information_share.keys()
         if now_s < self._next_s or not refuted:
@@ -190,7 +190,7 @@ class AssociationFilter:
     def _follow(
         self, hypotheses: Hypotheses, alternative: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
     ) -> None:
-        """Update an alternative with this frame, and add further exchanges that its state makes plausible."""
+        """Update an alternative with this frame, and add the exchanges that are plausible in its state."""
         predicted = self._predicted(alternative, time_s)
         if predicted is None:
             return
@@ -206,7 +206,7 @@ class AssociationFilter:
     def _predicted(
         self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """The alternative after a prediction to a later time [s] and a call of `then`; None if its filter fails."""
+        """The alternative, predicted to a later time [s], after a call of `then`; None if its filter fails."""
         self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
@@ -216,10 +216,10 @@ class AssociationFilter:
         return replace(alternative, state=self.tissue.snapshot())
 
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The alternative updated with the marks under its names; None if its filter fails.
+        """The alternative, updated with the marks under its names; None if its filter fails.
 
-        The result is also None if these marks are clearly too improbable. This saves time, because an update with wrong
-        names bends the body and takes a hundred times longer than an update with the right names.
+        The result is also None if these marks are clearly too improbable. This saves time: with wrong names the body
+        bends, and an update takes a hundred times longer.
         """
         self.tissue.restore(alternative.state)
         seen = renamed(marks, self.interchangeable.by_node(alternative.names))
@@ -237,7 +237,7 @@ class AssociationFilter:
         )
 
     def _decided(self, hypotheses: Hypotheses, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Adopt the best names if they are decisively better, and drop those that are decisively worse."""
+        """Adopt the best names if they are decisively better; drop the alternatives that are decisively worse."""
         own, settings = self.interchangeable.own, self.settings
         best = _best(hypotheses)
         same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)

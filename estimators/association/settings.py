@@ -12,9 +12,9 @@ class IdentitySettings:
 
     decisive: log odds at which names are excluded or adopted [1]; choice
     exchange: prior log odds against an exchange of two names [1]; choice
-    longest_s: longest time for which undecided names are followed, and longest pause between two attempts to restart
-    with other names [s]; choice
-    max_hypotheses: largest number of alternative names [1]; source: three interchangeable marks have 3! - 1
+    longest_s: longest time for which an undecided alternative is followed [s]; choice. It is also the longest pause
+        between two restarts with other names
+    max_hypotheses: largest number of alternatives [1]; source: number of other orders of three marks, 3! - 1
     """
 
     decisive: float = log(1e3)

@@ -1,4 +1,4 @@
-"""Common part of the methods for comparison, which differ only in how they predict and update the state."""
+"""Common part of the methods for comparison. They differ only in how they predict and update the state."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    The first state is rest, with the covariance that pokes cause within the time `settings.lost_s`. Until the first
-    marks the state does not change. Marks are not gated.
+    The initial mean is rest. The initial covariance is the one that pokes cause within the time `settings.lost_s`.
+    Before the first marks the state does not change. No mark is rejected.
 
-    State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last mark used [s].
+    State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last used mark [s].
     """
 
     def __init__(
@@ -45,18 +45,18 @@ class Baseline(ABC):
 
     @abstractmethod
     def _advance(self, dt: float) -> None:
-        """Predict the state by dt [s], more than 0."""
+        """Predict the state over dt > 0 [s]."""
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update with z = x[rows] + noise, (m,), R the noise covariance, (m, m); returns the NIS, if it is computed."""
+        """Update with z = x[rows] + noise, (m,); R: noise covariance, (m, m). Returns the NIS, if it is computed."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of the state, or of a part; both begin with the free coordinates."""
+        """Mean (n,) and covariance (n, n) of the first n states, which include the free coordinates."""
 
     def _poked(self) -> float | None:
-        """Probability that an external force acts; None for a method with a single mode."""
+        """Probability that an external force acts; None for a method without modes."""
         return None
 
     def run(
@@ -64,7 +64,7 @@ class Baseline(ABC):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Predict and update, frame by frame; yields the estimate of each frame, as a list of one.
+        """Predict and update, frame by frame. Yields a list with one estimate for each frame.
 
         frames: (time [s], marks) in order; advance: called with the completed share of the frames
         """
@@ -75,7 +75,7 @@ class Baseline(ABC):
             yield [estimate]
 
     def predict(self, time_s: float) -> None:
-        """Predict to this exposure time [s]; raises ValueError if it is before the last time, or not finite."""
+        """Predict the state at an exposure time [s]; raises ValueError if it is before the last time, or not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.time_s is None:
@@ -88,7 +88,7 @@ class Baseline(ABC):
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Update with any number of marks at the present time, and estimate the target.
 
-        Raises ValueError for a mark whose node is not free or whose dimension is not the network's.
+        Raises ValueError for a mark of a node that is not free, and for a mark of another dimension.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")

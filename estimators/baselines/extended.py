@@ -12,11 +12,11 @@ from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
-"""Half-width of central differences [m, m/s, N]: small against the slip velocity of friction, 5e-3 m/s."""
+"""Half-width of central differences [m, m/s, N]: much smaller than the slip velocity of friction, 5e-3 m/s."""
 
 
 def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """The state dt [s] after x, (dim_x,), and its Jacobian by central differences, (dim_x, dim_x)."""
+    """State after dt [s] from a state x (dim_x,), and its Jacobian by central differences, (dim_x, dim_x)."""
     n = len(x)
     offsets = DIFFERENCE * np.eye(n)
     moved = model.propagate(np.vstack([x[None], x + offsets, x - offsets]), dt, mode)
@@ -24,7 +24,7 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 
 
 class ExtendedKalmanFilter(Baseline):
-    """Extended Kalman filter that assumes at all times that pokes act; linearised at each step of at most 1/120 s.
+    """Extended Kalman filter that assumes at all times that pokes act. Each step of at most 1/120 s is linearised.
 
     Source: [barshalom2001], section 10.3; the update has Joseph's form.
 

@@ -18,9 +18,9 @@ LONGEST_S = FilterSettings().forget_s
 class OpenLoop:
     """The paper's method: open-loop simulation of the target, driven by the marks.
 
-    Source: [paper], section III and Fig. 5. Between two frames a marked mass moves from its old position to its new one
-    at constant velocity; the paper does not define this motion. A marked mass that is not visible is integrated like
-    the hidden masses, as in the paper ("additional second-order integration ... in case of losing of data"). The
+    Source: [paper], section III and Fig. 5. Between two frames a marked mass moves at constant velocity from its old
+    position to its new one; the paper does not define this motion. A marked mass without a visible mark is integrated
+    like the hidden masses, as in the paper ("additional second-order integration ... in case of losing of data"). The
     integrator is the classical Runge-Kutta method.
 
     State: positions [m] and velocities [m/s] of all nodes, (n_nodes, dim) each, at time_s [s].
@@ -36,7 +36,7 @@ class OpenLoop:
         self._free = set(network.free.tolist())
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Simulate to this exposure time [s]; the marked masses move to their measured positions."""
+        """Simulate up to an exposure time [s], at which the marked masses reach their measured positions."""
         seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")

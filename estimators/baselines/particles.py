@@ -21,19 +21,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Number of particles: enough for all histories of two modes over six intervals (2^6 = 64)."""
+"""Number of particles: more than the number of histories of two modes over six intervals, 2^6 = 64."""
 
 BRANCH_S = 1.0 / 30.0
-"""Interval between branchings of the particles [s]; choice."""
+"""Interval after which each particle is replaced by its successors [s]; choice."""
 
 
 class ParticleFilter(Baseline):
     """Particle filter whose particles are histories of the force mode: calm or poked.
 
-    Rao-Blackwellised [doucet2000]: given such a history, the state is nearly Gaussian. Each particle therefore has an
-    unscented filter of the state. Particles of the state itself would degenerate, because its 16 dimensions have hardly
-    any noise while no poke acts. Each particle branches into a weighted successor for each mode. Of these, at most
-    n_particles are kept, without bias or duplicates [fearnhead2003]. `Disturbances` gives the modes' mean durations.
+    Rao-Blackwellised [doucet2000]: for a given history, the state is nearly Gaussian, so each particle has an unscented
+    filter of the state. Particles of the state itself would degenerate, because its 16 dimensions have hardly any noise
+    while no poke acts. Each particle has one weighted successor for each mode. At most n_particles successors are kept,
+    without bias or duplicates [fearnhead2003]. `Disturbances` gives the mean durations of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -75,7 +75,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Keep at most `n_particles` particles, then replace each by one successor for each mode, dt [s] later."""
+        """Keep at most `n_particles` particles; replace each particle by one successor for each mode, dt [s] later."""
         self._thin()
         odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
@@ -115,7 +115,7 @@ class ParticleFilter(Baseline):
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
-    """Indices of at most n weights to keep, and their new weights: an unbiased selection with the least variance.
+    """Indices of at most n weights to keep, and their new weights. The selection is unbiased with the least variance.
 
     A weight above a threshold c stays unchanged. A weight w below c is kept with probability w / c and becomes c.
     Source: [fearnhead2003].

@@ -24,16 +24,16 @@ from estimators.tissue.settings import FilterSettings
 
 
 class UnknownMethodError(LookupError):
-    """Error for a name that is not in METHODS; the message lists the names in METHODS."""
+    """Error for a name that is not in METHODS. The message lists the names in METHODS."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """Input of every method.
+    """Inputs that all methods for comparison get.
 
     target: name of a node, or a point relative to nodes; marked: nodes whose marks are measured
     uncertainty, n_calibration: as in `TissueFilter`
-    seed: seed for methods that draw random numbers; fixes: direct measurements of the target, for the smoother only
+    seed: seed for methods that draw random numbers; fixes: direct measurements of the target, only for the smoother
     """
 
     network: MassSpringNetwork
@@ -47,24 +47,24 @@ class TrackingProblem:
 
     @property
     def physics(self) -> tuple[MassSpringNetwork, str | TargetPoint, Sequence[str], FilterSettings]:
-        """Arguments that all baselines have in common."""
+        """Arguments of every baseline: network, target, marked nodes, settings."""
         return self.network, self.target, self.marked, self.settings
 
     @property
     def rng(self) -> np.random.Generator:
-        """New random generator from the seed, so that results are reproducible."""
+        """New random generator with the given seed, so that results are reproducible."""
         return np.random.default_rng(self.seed)
 
 
 class Method(Protocol):
-    """Protocol of a method for comparison, in its initial state."""
+    """Protocol of a method for comparison in its initial state."""
 
     def run(
         self,
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Yield the estimates: a filter yields one list per frame, a smoother a single list after the last frame.
+        """Yield the estimates. A filter yields a list for each frame, a smoother yields one list after the last frame.
 
         frames: (time [s], marks) in order; advance: called with the completed share of the frames
         """
@@ -83,7 +83,7 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
 
 
 def make_method(name: str, problem: TrackingProblem) -> Method:
-    """Create the method of this name in its initial state; raises UnknownMethodError."""
+    """Make the method with this name, in its initial state; raises UnknownMethodError."""
     if name not in METHODS:
         raise UnknownMethodError(f'method: expected one of {", ".join(METHODS)}, found "{name}"')
     return METHODS[name](problem)

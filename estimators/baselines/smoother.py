@@ -1,4 +1,4 @@
-"""Fixed-interval smoother for comparison: it uses the marks of all frames for each estimate."""
+"""Fixed-interval smoother for comparison. Each estimate uses the marks of all frames."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """Fixed-interval smoother; its error is a lower limit for filters with the same model.
+    """Fixed-interval smoother. Its error is a lower limit for filters with the same model.
 
     fixes: direct measurements of the target with their times
     State: tissue, the filter of the forward pass.

@@ -1,4 +1,4 @@
-"""Posterior Cramér-Rao bound for a network under unknown forces with marks: a limit for any filter."""
+"""Posterior Cramér-Rao bound for a network with marks under unknown forces: a limit for any filter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from estimators.consistency.joseph import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6
-"""Half-width of central differences [m, m/s]; the rounding error is 1e-10 of a slope."""
+"""Half-width of central differences [m, m/s]; the relative rounding error of a derivative is 1e-10."""
 
 
 def posterior_bound(
@@ -29,15 +29,14 @@ def posterior_bound(
 ) -> Floats:
     """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
 
-    states: true states, (n_times, n_state); times_s: their times [s], so close that motion in between is nearly linear
-    marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if none is visible
+    states: true states, (n_times, n_state); times_s: their times [s], between which the motion must be nearly linear
+    marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if no mark is visible
     mode: spectral densities of the unknown forces: white noise on all free nodes, and pokes on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    The recursion of [tichavsky1998] for Gaussian noise is a Kalman filter with the transition matrices of the true
-    states. It has covariance form, because only some states have noise. It bounds the errors for one trajectory. For
-    many trajectories, the bound follows from the mean information matrix. The mean of the single bounds is an upper
-    limit of that bound (Jensen's inequality); here both agree, because the information matrices hardly differ.
+    For Gaussian noise, the recursion of [tichavsky1998] is a Kalman filter with the transition matrices of the true
+    states. Its covariance form is used, because only some states have noise. The result is the bound for one
+    trajectory. The mean of the bounds of several trajectories is close to their joint bound.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -70,7 +69,7 @@ def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) ->
     """Transition matrix and noise covariance, (dim_x, dim_x) each, over dt [s] from a state of the network, (n_state,).
 
     With A the linearised motion at this state, the transition matrix is exp(A dt). Simpson's rule gives the noise
-    covariance, the integral of exp(A s) D exp(A' s) for the noise density D.
+    covariance, the integral of exp(A s) D exp(A' s) with the noise density D.
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

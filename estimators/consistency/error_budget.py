@@ -1,8 +1,8 @@
 """Error budget of the target: covariances at rest due to errors that innovations do not show.
 
-An estimate that follows its marks (m) puts the hidden nodes (h) where the model predicts them from the marks. An error
-s of the marks' positions therefore moves the hidden nodes by -Khh^-1 Khm s, and an unmodelled force g moves them by
-Khh^-1 gh, with K the stiffness at rest (static condensation).
+An estimate that follows its marks (m) places the hidden nodes (h) where the model predicts them from the marks. An
+error s of the marks' positions therefore moves the hidden nodes by -Khh^-1 Khm s. An unmodelled force g moves them by
+Khh^-1 gh. K is the stiffness at rest (static condensation).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from estimators.process.process_model import LOOSE
 class ErrorSource:
     """One source of error of the target, with the covariance that it causes.
 
-    name: name in a few words; cov: covariance of the target due to this source [m²], (dim, dim)
+    name: short name; cov: covariance of the target due to this source [m²], (dim, dim)
     considered: whether the filter's covariance includes this source; variance: trace of cov [m²]
     """
 
@@ -36,12 +36,12 @@ class ErrorSource:
 
     @classmethod
     def of(cls, name: str, directions: Floats, *, considered: bool) -> ErrorSource:
-        """An error source from the target's shifts by one standard deviation of r independent errors [m], (dim, r)."""
+        """Error source of r independent errors; directions: target's shift by one sd of each error [m], (dim, r)."""
         return cls(name, directions @ directions.T, considered)
 
 
 class StaticResponse:
-    """Static response of the target to errors, for an estimate that follows the marks of given nodes.
+    """Static response of an estimate of the target to errors. The estimate follows the marks of given nodes.
 
     rest: positions of all nodes at rest [m], (n_nodes, dim)
     """
@@ -56,11 +56,11 @@ class StaticResponse:
         self._hidden, self._coupling = K[np.ix_(self._h, self._h)], K[np.ix_(self._h, self._m)]
 
     def to_marks(self, shifts: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), by each of r errors of the marks; shifts: errors [m], (m, r)."""
+        """Shift of the target [m], (dim, r), due to each of r errors of the marks' positions [m], (m, r)."""
         return self._moved(shifts, -self._coupling @ shifts)
 
     def to_forces(self, forces: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), by each of r forces on the free coordinates [N], (n_free dim, r)."""
+        """Shift of the target [m], (dim, r), due to each of r forces on the free coordinates [N], (n_free dim, r)."""
         return self._moved(np.zeros((len(self._m), forces.shape[1])), forces[self._h])
 
     def _moved(self, marked: Floats, forces: Floats) -> Floats:

@@ -14,7 +14,7 @@ from estimators.filters.kernels import chol_lower
 
 @njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
-    """Update; returns x, P, y, S, K, the NIS y' S^-1 y, log det S, and whether S was positive definite."""
+    """Kalman update; returns x, P, y, S, K, the NIS y' S^-1 y, log det S, and whether S was positive definite."""
     y, PH = z - H @ x, P @ H.T
     S = H @ PH + R
     S = 0.5 * (S + S.T)

@@ -18,7 +18,7 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeaveOneOutCheck:
-    """Error of the prediction of one mark in one frame, by a filter that does not use this mark.
+    """Prediction of one mark in one frame by a filter that does not use this mark.
 
     error: measured minus predicted position [m], (dim,); nees: squared error, normalised by the error's covariance
     """
@@ -28,11 +28,11 @@ class LeaveOneOutCheck:
 
 
 class LeaveOneOut:
-    """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
+    """Filter of the target, and for each marked node a further filter that predicts the node's mark without using it.
 
-    If the errors of these predictions exceed their covariance, the model is wrong, also at the target. Therefore the
-    target's covariance is multiplied by the factor, at least 1, on the predicted variance that makes the errors most
-    probable.
+    If the errors of these predictions exceed their covariance, the model is wrong, also at the target. Therefore a
+    factor on the predicted covariance is estimated by maximum likelihood of the errors. The target's covariance is
+    multiplied by this factor, which is at least 1.
 
     State: tissue, the target's filter; without, for each marked node the filter that does not use its mark; scale, the
     factor on the target's covariance; checks, the results of the last frame by node.
@@ -65,7 +65,7 @@ class LeaveOneOut:
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
-        """Predict all filters at this exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
+        """Predict all filters at an exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
         self.tissue.predict(time_s)
         for other in self.without.values():
             other.predict(time_s)
@@ -75,7 +75,7 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """As `update`, if the target's filter has already used the marks; estimate: the result of its update.
+        """As `update`, for marks that the target's filter has already used; estimate: result of that filter's update.
 
         Marks that the target's filter rejected are not checked.
         """
@@ -98,10 +98,10 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """Contribution of calibration errors to the variance of a mark's prediction error [m²], (dim, dim).
+    """Contribution of calibration errors to the covariance of a mark's prediction error [m²], (dim, dim).
 
-    Filter and mark have the same calibration errors. With C and F, the sensitivities of the filter's prediction and of
-    the mark to these errors, the contribution is (C + F)(C + F)' - C C'.
+    The filter and the mark have the same calibration errors. Let C and F be the sensitivities of the filter's
+    prediction and of the mark to these errors. Then the contribution is (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

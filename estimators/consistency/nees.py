@@ -24,7 +24,10 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
 
 
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
-    """Interval with equal tails that contains a chi-square variable of these degrees with probability `share`."""
+    """Interval with equal tails that contains a chi-square variable with probability `share`.
+
+    degrees: degrees of freedom of the variable
+    """
     tail = 0.5 * (1.0 - share)
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
@@ -39,10 +42,10 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Fraction of the normalised squared errors, (n,), below the chi-square quantile of `share`."""
+    """Share of the normalised squared errors, (n,), that are below the chi-square quantile of `share`."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
 def anees(squared: ArrayLike, degrees: int) -> float:
-    """Average NEES per degree of freedom, from NEES (n,): 1 if consistent, more if overconfident. Source: [li2006]."""
+    """Mean NEES per degree of freedom, from NEES (n,): 1 if consistent, above 1 if overconfident. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees

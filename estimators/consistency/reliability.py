@@ -1,4 +1,4 @@
-"""Reliability of predicted probabilities: observed hit rates and predictions, in ten bins."""
+"""Reliability of predicted probabilities: observed hit rate and mean prediction in each of ten bins."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.stats import beta
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """All predictions with probabilities from low to high, such as 0.3 to 0.4, and the observed number of hits.
+    """Predictions with probabilities from low to high, such as 0.3 to 0.4, and the observed number of hits.
 
     n: number of predictions; mean: mean predicted probability, None if n is 0; hits: number of observed hits
     least, most: confidence interval of the true hit rate, by Clopper and Pearson [clopper1934]
@@ -30,7 +30,7 @@ class ReliabilityBin:
 
 
 def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, float]:
-    """Confidence interval of a hit rate, given the number of hits in n trials; (0, 1) for n = 0."""
+    """Confidence interval of a hit rate, from the number of hits in n trials; (0, 1) for n = 0."""
     if not 0 <= hits <= n or not 0.0 < level < 1.0:
         raise ValueError(f"clopper_pearson: expected 0 <= hits <= n, 0 < level < 1, found {hits}, {n}, {level}")
     tail = 0.5 * (1.0 - level)
@@ -42,11 +42,11 @@ def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, floa
 def reliability_bins(
     predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99
 ) -> tuple[ReliabilityBin, ...]:
-    """Predictions and observed hits, sorted into ten bins of the predicted probability.
+    """Predictions and observed hits, sorted into ten bins by predicted probability.
 
     predicted: predicted probabilities, (n,); hit: whether each prediction was a hit, (n,)
     A bin includes its lower limit, but not its upper limit; the last bin also includes 1. Raises ValueError for
-    probabilities outside of 0 to 1, and for arrays of different length.
+    probabilities below 0 or above 1, and for arrays of different length.
     """
     p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)
     if p.ndim != 1 or p.shape != came.shape:

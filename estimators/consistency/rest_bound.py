@@ -13,17 +13,17 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Time [s] at which the bound is evaluated if it never becomes steady, for example because the marks do not determine
-the position of a part of the body."""
+"""If the bound never becomes steady, it is evaluated at this time [s]. Example: marks that do not determine the
+position of a part of the body."""
 
 SETTLED = 1e-6
-"""Relative change of the bound at a doubling of the frames, below which the bound counts as steady; numerical."""
+"""The bound is steady if its relative change, when the number of frames is doubled, is below this; numerical."""
 
 STATIONARY_S = 60.0
 """Time after which the motion of a body with friction counts as stationary [s]; numerical."""
 
 PASSES = 20
-"""Number of fixed-point iterations; each one reduces the change to a third or less; numerical."""
+"""Number of fixed-point iterations; each iteration reduces the change to a third or less; numerical."""
 
 
 def resting_bound(
@@ -36,13 +36,13 @@ def resting_bound(
 ) -> Floats:
     """Lower bound on the covariance of any unbiased estimate of a body near rest after many frames, (dim_x, dim_x).
 
-    marks: covariance of the mark of each node that is visible in every frame [m²], (dim, dim)
+    marks: covariance of each mark [m²], (dim, dim), by node; these marks are visible in every frame
     interval_s: time between frames [s]
     mode: spectral densities of the unknown forces: white noise on all free nodes, and pokes on the nodes `poked`
 
     The bound is the limit of the recursion in `posterior_bound`. A doubling algorithm computes it: k steps give the
     bound after 2^k frames [anderson1978]. Constants are assumed to be exact; `friction_as_drag` replaces dry friction.
-    Raises NetworkError without a rest shape.
+    Raises NetworkError if there is no rest shape.
     """
     body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
@@ -70,8 +70,8 @@ def friction_as_drag(
 ) -> MassSpringNetwork:
     """The network with viscous drag in place of dry friction: friction divided by the node's root mean square speed.
 
-    Statistical linearisation [gelb1974] by fixed-point iteration. The speeds are those of the linear motion about
-    `rest`, positions of all nodes [m], (n_nodes, dim), under the unknown forces of `mode`.
+    This is a statistical linearisation [gelb1974], computed by fixed-point iteration. The speeds are those of the
+    linear motion about a rest shape [m], (n_nodes, dim), under the unknown forces of `mode`.
     """
     smooth = replace(network, friction=np.zeros(network.n_nodes))
     if not network.friction[network.free].any():

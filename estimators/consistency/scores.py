@@ -1,4 +1,4 @@
-"""Proper scores and probability integral transform of Gaussian predictions; they test mean and covariance together.
+"""Proper scores and probability integral transform of Gaussian predictions. They test mean and covariance together.
 
 Source: [gneiting2007].
 """
@@ -13,9 +13,9 @@ from estimators.arrays import Floats
 
 
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
-    """Continuous ranked probability score of normal predictions, in the predicted unit; lower is better.
+    """Continuous ranked probability score of normal predictions, in the unit of the prediction; lower is better.
 
-    means, sds, truths, scores: all of one shape (...). Source: [gneiting2007], equation (21).
+    means, sds, truths and the scores have the same shape (...). Source: [gneiting2007], equation (21).
     """
     mean, sd = np.asarray(means, dtype=float), np.asarray(sds, dtype=float)
     z = (np.asarray(truths, dtype=float) - mean) / sd
@@ -25,10 +25,11 @@ def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
 def energy_score(
     means: ArrayLike, covs: ArrayLike, truths: ArrayLike, rng: np.random.Generator, n_draws: int = 1000
 ) -> Floats:
-    """Energy score of Gaussian predictions of points, (n,), in their unit; lower is better.
+    """Energy score of Gaussian predictions of points, (n,), in the points' unit; lower is better.
 
-    E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'; in one dimension it is the CRPS. means and truths (n, d),
-    covs (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for an invalid covariance.
+    The score is E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'. In one dimension it is the CRPS.
+    means, truths: (n, d); covs: (n, d, d). Source: [gneiting2007], equation (22).
+    Raises numpy's LinAlgError for an invalid covariance.
     """
     mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))

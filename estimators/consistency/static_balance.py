@@ -2,17 +2,17 @@
 
 If a spring is cut or a mark is moved, a filter follows the marks with a persistent force. Its innovations then become
 small, although its estimate of the hidden target is wrong. The mean external force shows such a fault. Over a second,
-the mean acceleration of a body is almost zero. The mean external force on the marked nodes therefore balances springs
-and weight. It is the mean over the frames of the force
+the mean acceleration of a body is almost zero, so the mean external force on the marked nodes balances springs and
+weight. This force is the mean, over the frames, of
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with K the stiffness at rest, and F the forces of springs and weight, on marked (m) and hidden (h) nodes (static
 condensation). F is computed with the marked nodes at their measured positions z, and with the hidden nodes at
-rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest); far from rest, this linear form would treat a
-spring's rotation as stretch. A chi-square test compares the mean of f with the covariance that it has if the model is
-right. This covariance has three causes: pokes, which average out; a force on all nodes in proportion to their mass, as
-by breathing or a tilt; and the assumed errors of marks, camera calibration and constants.
+rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest). Far from rest, f is still valid, while the linear
+form would treat a spring's rotation as stretch. A chi-square test compares the mean of f with its covariance under a
+right model. This covariance has three causes: pokes, which average out; a force on all nodes in proportion to their
+mass, as by breathing or a tilt; and the assumed errors of marks, camera calibration and constants.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance.
 
-    mean_s: time over which the force is averaged [s]; choice: over half of it, pokes do not average out; twice this
-        time would delay the report of a fault that single frames do not show
-    least_share: share of mean_s that the frames must cover, and share of frames that must show a node [1]; choice
+    mean_s: time over which the force is averaged [s]; choice: half of it is too short for pokes to average out; twice
+        this time delays the report of a fault that single frames do not show
+    least_share: least share of mean_s that the frames cover; least share of frames in which a node is seen [1]; choice
     often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -62,7 +62,7 @@ BALANCE = BalanceSettings()
 class Balance:
     """Mean external force that explains the measured positions.
 
-    nodes: the k marked nodes that were visible; force: mean external force on each of them [N], (k, dim)
+    nodes: the k marked nodes that were visible; force: mean external force on each of these nodes [N], (k, dim)
     cov: covariance of this force if the model is right [N²], (k dim, k dim)
     """
 
@@ -72,22 +72,22 @@ class Balance:
 
     @property
     def probability(self) -> float:
-        """P-value: probability that the force is at least as large if the model is right."""
+        """P-value of the force: probability of a force at least as large if the model is right."""
         f = self.force.ravel()
         return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
 
 
 Calibration = Callable[[Floats], Floats]
-"""Function from points [m], (n, dim), to their shifts by one standard deviation of each independent calibration error
-[m], (n, dim, n_directions)."""
+"""Function from points [m], (n, dim), to their shifts [m], (n, dim, n_directions), due to one standard deviation of
+each independent calibration error."""
 
 
 class StaticBalance:
     """Test of a body's static balance from its marks, frame by frame.
 
-    If a force may hold the body for a long time, the test gives no result.
+    If an outside force may drag the body for a long time, the test gives no result.
 
-    uncertainty: uncertainty of the constants; calibration: errors of the camera calibration; None: no errors
+    uncertainty: uncertainty of the constants; calibration: calibration errors of the camera; None: no such errors
     State: the marks of the last frames; cached matrices for each set of visible nodes.
     """
 
@@ -117,7 +117,7 @@ class StaticBalance:
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after a frame at this time [s] with these marks; None until enough marks were visible."""
+        """The balance after a frame at a time [s] with these marks; None until enough marks were visible."""
         if self._of is None:
             return None
         s = self._settings
@@ -185,7 +185,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """Marks of a frame by node, and the external force for each set of nodes for which it was computed."""
+    """Marks of a frame by node, and the external forces that were computed for sets of nodes."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -194,11 +194,11 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body, statically condensed to the m coordinates of visible nodes.
+    """A body, statically condensed to the m coordinates of the visible nodes.
 
     m, h: indices of the coordinates of visible and of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
-    stiffness: Kc [N/m], (m, m); forces: condensed forces by one standard deviation of each constant [N], (m, n)
-    marks: shifts of visible coordinates by one standard deviation of each calibration error [m], (m, k)
+    stiffness: Kc [N/m], (m, m); forces: condensed forces per standard deviation of each constant [N], (m, n)
+    marks: shifts of visible coordinates per standard deviation of each calibration error [m], (m, k)
     """
 
     m: NDArray[np.int64]

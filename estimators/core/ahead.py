@@ -1,9 +1,9 @@
 """Fast predictions of the target for a live loop, with precomputed matrices of the motion about rest.
 
 All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
-whole mixture are therefore predicted directly: m <- T m, P <- T P T' + sum over sources of E[variance] N, with N the
-noise at variance 1. The mode probabilities give E[variance]. With H the map from the state to the target and G_k = H
-T^k, the target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
+whole mixture are therefore predicted directly: m <- T m, P <- T P T' + sum over sources of E[variance] N. Here N is the
+noise covariance at variance 1, and the mode probabilities give E[variance]. Let H map the state to the target, and let
+G_k = H T^k. The target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from estimators.core.posterior import TissuePosterior
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AheadTables:
-    """Matrices that predict the target at n_times future times, cycle_s [s] apart, from the present state.
+    """Matrices that predict the target from the present state, at n_times future times with an interval of cycle_s [s].
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target due to one step's noise of each source; first index: steps since the end of that step.
+        Covariance of the target that the noise of one step causes k steps after this step; k is the first index.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target due to a unit force in one step [m/N]; first index: steps since the start of that step.
+        Shift of the target [m/N] k steps after the start of a step with a unit force; k is the first index.
     """
 
     cycle_s: float
@@ -46,7 +46,7 @@ class AheadTables:
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables for the model of a filter; they do not depend on the filter's state."""
+        """Compute the tables from the model of a filter; the filter's state has no effect."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
         rest[process.parts["position"]] = process.coordinates(tissue.rest)
@@ -74,9 +74,9 @@ class AheadTables:
         )
 
     def shift(self, push: Floats) -> Floats:
-        """Displacement of the target at each time [m], (k, dim), by a known force that is constant in each step.
+        """Displacement of the target at each time [m], (n_times, dim), by a known force that is constant in each step.
 
-        push: the force on the free nodes in each step [N], (k - 1, n_free, dim); raises ValueError for another shape
+        push: the force on the free nodes in each step [N], (n_times - 1, n_free, dim); other shapes raise ValueError
         """
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
@@ -86,10 +86,10 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """For each nested case: probability (k,) that it holds until each time, and moments of the target if it does.
+        """Probability (n_times,) of each case until each time, and moments of the target under this case.
 
         First case: no short force acts, and no slow force becomes stronger than now. Second case, only for a network:
-        no node is dragged for longer (state "led"). The last case always holds.
+        no force drags a node (state "led"). The last case has no condition.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short
@@ -100,13 +100,13 @@ class AheadTables:
         return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
-        """Times of the tables [s], (k,), beginning with the filter's time; raises ValueError before its first frame."""
+        """Times of the tables [s], (n_times,); the first is the filter's time. ValueError before the first frame."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) that only mode changes in `chain` occur until each time; moments of the target if so."""
+        """Probability (n_times,) that modes change only as `chain` allows, and moments of the target in this case."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

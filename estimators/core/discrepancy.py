@@ -1,4 +1,4 @@
-"""The discrepancy, a random field of displacements that the model does not explain, and estimation of its level."""
+"""Discrepancy: random field of displacements that the model does not explain; estimate of its standard deviation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ JITTER = 1e-6
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
     """Columns L (n, r), with r at most `rank`, such that L L' approximates a covariance (n, n).
 
-    least: smallest variance of a column, relative to the largest
+    least: smallest variance of a column, relative to the largest variance
     """
     values, vectors = np.linalg.eigh(cov)
     kept = np.flatnonzero(values > least * values[-1])[::-1][:rank]
@@ -35,15 +35,15 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: a field of long plus a field of short correlation length; zero where the body is fixed.
+    """Prior of the discrepancy: sum of a field with long and a field with short correlation length; 0 at fixed nodes.
 
     Attributes
     ----------
     levels : tuple of float
-        Possible standard deviations of the long field, relative to the body's extent [1]; choice. Before any mark they
-        are equally probable.
+        Possible standard deviations of the long field, relative to the body's extent [1]; choice. Their prior
+        probabilities are equal.
     noises : tuple of (float, float)
-        Factors, at least 1, on the stated standard deviation of marks, and their prior probabilities [1]; choice.
+        Possible factors on the stated standard deviation of marks, at least 1, with prior probabilities [1]; choice.
     short : float
         Standard deviation of the short field, relative to the long field's [1]; choice.
     lengths : tuple of float
@@ -72,12 +72,12 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """The prior. If the settings state a level, no other is possible. solid: whether the body is a continuum."""
+        """Make the prior, with only the settings' level if they state one; solid: whether the body is a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Basis functions at level 1 [m], (n, r), at places (n, dim), zero at `held`; variance that they omit [m²]."""
+        """Basis functions [m], (n, r), at places (n, dim), for level 1, and the variance that they omit [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -95,10 +95,10 @@ class Discrepancy:
 
 
 class LevelPosterior:
-    """Posterior of the discrepancy's level and the marks' noise, from how well each mark is predicted by other marks.
+    """Posterior of the discrepancy's level and of the factor on the marks' noise.
 
-    The joint likelihood of all marks is not used. It says little about how well marks predict another place, such as a
-    hidden target. It also favours levels that are too small.
+    Each mark is predicted from other marks, as the target is. The joint likelihood of all marks is not used: it hardly
+    depends on such predictions, and favours levels that are too small.
 
     State: log_weights, log probability of each pair of level and noise factor, (n,); log_withheld, sum of the log
     likelihoods of the last frame's marks, each given the marks outside its group (`WithheldGroups`).
@@ -114,12 +114,12 @@ class LevelPosterior:
 
     @property
     def level(self) -> float:
-        """Posterior root mean square of the level [1]."""
+        """Root mean square of the level under the posterior [1]."""
         return self._rms(self.levels)
 
     @property
     def noise(self) -> float:
-        """Posterior root mean square of the factor on the marks' stated standard deviation [1]."""
+        """Root mean square, under the posterior, of the factor on the marks' stated standard deviation [1]."""
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
@@ -127,7 +127,7 @@ class LevelPosterior:
         return float(np.sqrt(weights @ values**2 / weights.sum()))
 
     def forget(self, dt: float) -> None:
-        """Reduce the weight of the earlier evidence, which is now dt [s] older."""
+        """Reduce the weight of the earlier evidence after a time step dt [s]."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
@@ -139,12 +139,12 @@ class LevelPosterior:
         Parameters
         ----------
         innovation, S : (m,), (m, m)
-            Innovation of all observations and its covariance, at the present level and noise.
+            Innovation of all observations and its covariance, at the present level and noise factor.
         fresh, R : (m, m)
             Covariance of the part of the discrepancy that is new in this frame, at level 1. Covariance of the marks'
-            own noise, at the present factor.
+            own noise, at the present noise factor.
         groups : sequence of (k, dim) int
-            For each mark, its own rows, then the rows withheld with it. Without groups the level does not change.
+            One group for each mark, as `WithheldGroups` returns it. Without groups nothing changes.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -161,9 +161,10 @@ class LevelPosterior:
 
 @dataclass(frozen=True, slots=True)
 class WithheldGroups:
-    """Groups of marks that are withheld together: marks nearer to each other than any mark is to the target.
+    """Groups of marks that are withheld together when one of them is predicted from the other marks.
 
-    Marks so near would predict a withheld mark better than any mark predicts the target.
+    Two marks are withheld together if their distance is below the smallest distance between a mark and the target.
+    So no mark is predicted from marks that are nearer to it than any mark is to the target.
 
     Attributes
     ----------
@@ -175,7 +176,7 @@ class WithheldGroups:
 
     @classmethod
     def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
-        """The groups for these marked nodes of a network and this target."""
+        """Make the groups for these marked nodes of a network and this target."""
         places = {name: network.positions[network.index(name)] for name in marked}
         nodes = [network.positions[network.index(name)] for name in point.nodes]
         where = np.average(nodes, axis=0, weights=point.weights)
@@ -190,7 +191,7 @@ class WithheldGroups:
         )
 
     def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        """For each mark, its own rows, then the rows withheld with it, (k, dim)."""
+        """One group for each mark, (k, dim): rows of the mark, then rows of the marks that are withheld with it."""
         rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
         return [
             np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])

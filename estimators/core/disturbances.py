@@ -1,4 +1,4 @@
-"""Disturbances: unknown forces, whose strengths switch with the modes of a Markov chain."""
+"""Disturbances: unknown forces, whose strengths change with the modes of a Markov chain."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Strengths of a continuum's slow forces, relative to a poke [1], and correlation time [s]; choice. A continuum is
-always loaded; at the greater strength its load changes faster."""
+"""Strengths of a continuum's slow forces, relative to the strength of a poke [1], and their correlation time [s];
+choice. With the greater strength, the load of a continuum changes faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,16 @@ class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
     Short forces act on each marked node independently. Their state is calm, poked (brief pushes) or led (a node is
-    dragged for longer). Slow forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration,
-    like a change of gravity.
-    Short forces and slow forces each have a Markov chain of states; a mode is a pair of states. A continuum has only
-    slow forces. For a stiff body, all strengths except calm_m_s2 and white are multiplied by `raised`.
+    dragged for longer). Slow forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration.
+    Short forces and slow forces each have a Markov chain of states; a mode is a pair of such states. A continuum has
+    only slow forces. For a stiff body, all strengths except calm_m_s2 and white are multiplied by `raised`.
 
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
         Standard deviation of a short force in each state [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Standard deviation of a slow force in each of its states [m/s²], increasing; choice.
+        Standard deviation of a slow force in each state [m/s²], increasing; choice.
     white : float
         Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
@@ -40,7 +39,7 @@ class Disturbances:
     calm_s, poked_s, led_s : float
         Mean duration of each state of the short forces [s]; choice.
     led_each_s : float
-        Mean time until the next change to the led state [s]; choice.
+        Mean time until the next change to the state led [s]; choice.
     rise_s, fall_s : float
         Mean time until a slow force changes to a stronger state, and to a weaker state [s]; choice.
     smooth : float
@@ -71,25 +70,26 @@ class Disturbances:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
-        """The prior with the pokes that the settings describe; solid: whether the body is a continuum."""
+        """Make the prior with the pokes of the settings; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
         return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor that adapts the strengths to a stiff body [1], at least `least`.
+        """Factor on the strengths that adapts them to a stiff body [1].
 
         returning_m_s2: acceleration that the body's stiffness causes at a displacement as large as the body [m/s²]
+        least: smallest factor
         """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
-        """Correlation time of each force [s], (n_f,); are_slow: whether each force is slow, (n_f,)."""
+        """Correlation times of n_f forces [s], (n_f,); are_slow: whether each force is a slow force, (n_f,)."""
         return np.where(are_slow, self.slow_s, self.short_s)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths in each mode: white noise, short forces, forces on led nodes, slow forces; raised: see `raised`."""
+        """Strengths in each mode: white noise, short, led and slow forces; raised: result of the method `raised`."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -98,11 +98,11 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force; for a network, also with a poke."""
+        """Index of the mode with the strongest slow force; for a network, the state of this mode is poked."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strength of each source in the mode `strongest_mode` [m/s²], by the name of the source."""
+        """Strength of each source in the strongest mode [m/s²], by the name of the source."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
@@ -112,7 +112,7 @@ class Disturbances:
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
-        """Whether the short forces are calm in each mode, (n_modes,)."""
+        """Whether the state of the short forces is calm in each mode, (n_modes,)."""
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property

@@ -30,15 +30,15 @@ DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
 
 LEAST_SHARE = 1e-3
-"""Smallest share with which a mode is mixed into another [1]; choice: smaller shares would only widen the other mode
-towards states that the marks contradict."""
+"""Smallest share with which a mode is mixed into another mode [1]; choice: smaller shares would only widen the other
+mode towards states that the marks contradict."""
 
 REBORN = 0.05
-"""A mode is omitted until the next prediction if its probability is below this share of the probability of a change
-into it [1]; choice."""
+"""A mode is omitted until the next prediction if its probability, divided by the probability of a change into this
+mode, is below this [1]; choice."""
 
 LINEARISATIONS = 10
-"""Largest number of linearisations of transition and observation in a frame; numerical: cables that turn need many."""
+"""Largest number of linearisations of transition and observation in a frame; numerical: a rotating cable needs many."""
 
 LEAST_STEP = 0.125
 """Smallest share of a Gauss-Newton step that is tried [1]; numerical."""
@@ -47,7 +47,7 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""An onset is a change to a later mode. Shape of the gamma prior of a factor on the rates of onsets [1], and
+"""Shape of the gamma prior of a factor on the rates of onsets, which are changes to a later mode [1], and
 time constant with which past onsets are forgotten [s]; choice."""
 
 STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
@@ -60,18 +60,18 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    The hypotheses share one linearisation of the transition about their common mean. If the observations contradict
-    this mean, the transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988], and
-    [garciafernandez2017] for the iteration.
+    All hypotheses use one linearisation of the transition, about their common mean. If the observations contradict this
+    mean, the transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988] for the
+    hypotheses, [garciafernandez2017] for the iteration.
 
     Parameters
     ----------
     process : ProcessModel
     level : LevelPosterior, optional
-        Level of the discrepancy; default: 1.
+        Posterior of the discrepancy's level. Default: the level is 1.
     groups : callable, optional
-        Called with the names of observations and the rows of each. For each name it returns these rows and those that
-        are left out together when the observation is predicted from others, (k, dim).
+        Called with the names and rows of the blocks of all observations. For each name it returns the rows of the
+        blocks that are withheld together, (k, dim), as `WithheldGroups` does. Default: each block is withheld alone.
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
@@ -84,13 +84,13 @@ class HypothesisFilter:
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Number of changes to a later mode so far, as expected given each present mode, and as the rates predict it.
+        Expected number of past changes to a later mode, given each mode; the number that the prior rates predict.
     outlying : (n_names,) bool
         Whether each of the last observations is an outlier in the most probable hypothesis.
     found : Innovations or None
         Innovations of the last update.
     trace : list of Move, or None
-        If this is a list, the filter appends each prediction to it, with its last linearisation.
+        If it is a list, each prediction is appended, with its last linearisation.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class HypothesisFilter:
         return {**{key: getattr(self, key) for key in STATE}, "levels": levels}
 
     def resume(self, state: Mapping[str, Any]) -> None:
-        """Reset to a state that `state` returned."""
+        """Restore a state that `state` returned."""
         for key in STATE:
             setattr(self, key, state[key])
         self._latest = None
@@ -155,7 +155,7 @@ class HypothesisFilter:
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes); rates to later modes are multiplied by an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes). Rates to later modes include an estimated factor."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -166,17 +166,17 @@ class HypothesisFilter:
         return np.asarray(self.weights @ self.means)
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Mean (d,) and covariance (d, d) of rows @ state; rows: (d, n)."""
+        """Mean (d,) and covariance (d, d) of rows @ state, for rows (d, n)."""
         live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
         covs = [rows[:, seen] @ self.covs[k][seen] @ rows.T for k in live]
         return mixed(self.weights[live], self.means[live] @ rows.T, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of the state if the modes had these weights, (n_modes,)."""
+        """Mean (n,) and covariance (n, n) of the mixture with these weights (n_modes,) in place of its own weights."""
         return mixed(weights, self.means, self.covs)
 
     def predict(self, dt: float, kick: Floats | None = None) -> None:
-        """Predict all hypotheses over dt [s], which is positive.
+        """Predict all hypotheses over dt > 0 [s].
 
         kick: change of the state by a known force, (n,)
         """
@@ -221,7 +221,7 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Innovations of each hypothesis, linearised at its mean, or at points (k, n); raises CovarianceError."""
+        """Innovations of all hypotheses, linearised at their means or at points (k, n). Raises CovarianceError."""
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
@@ -241,7 +241,7 @@ class HypothesisFilter:
         return result
 
     def update(self, observations: Sequence[Observation]) -> float:
-        """Update with all observations of this time; returns the smallest NIS of the hypotheses."""
+        """Update with all observations of the present time; returns the smallest NIS of any hypothesis."""
         found = self._fitted(observations)
         if self.trace and self._before is not None:
             self.trace[-1] = self._traced(self._before)
@@ -281,8 +281,8 @@ class HypothesisFilter:
         """Innovations with the transition linearised about the previous state that best fits prior and observations.
 
         Gauss-Newton steps find that state for the most probable hypothesis. A step that does not improve the fit is
-        halved. The error of the last linearisation is added as process noise. Because the error is known at one state
-        only, the variance of the noise is the mean square of the error over each part of the state.
+        halved. The error of the last linearisation counts as process noise: in each part of the state, the variance of
+        this noise is the mean square of the error.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -324,7 +324,7 @@ class HypothesisFilter:
         return found
 
     def _is_linear(self, observations: Sequence[Observation], found: Innovations, means: Floats) -> bool:
-        """Whether the linearised observations are accurate at the updated means."""
+        """Whether the linearised observations are accurate at the updated mean of the most probable hypothesis."""
         best = int(np.argmax(found.logs))
         value, R = together(observations)
         there = joined([one.linearize(means[best])[0] for one in observations])
@@ -333,7 +333,7 @@ class HypothesisFilter:
         return bool(np.all((np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())) | is_out))
 
     def _weigh_levels(self, level: LevelPosterior, observations: Sequence[Observation], found: Innovations) -> None:
-        """Update the probabilities of the levels with the innovations of the most probable hypothesis."""
+        """Update the probabilities of levels with the innovations of the most probable hypothesis."""
         best = int(np.argmax(found.logs))
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
         names, blocks = named(observations)

@@ -1,4 +1,4 @@
-"""Innovations of each hypothesis, and detection of outliers among the observations."""
+"""Innovations of the hypotheses, and detection of outliers among the observations."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from estimators.core.protocols import Observation
 from estimators.filters.unscented import CovarianceError
 
 FAR = 1e4
-"""Variance of an outlier, relative to the square of the reach [1]; numerical."""
+"""Variance of an outlier, relative to the square of `Outliers.reach_m` [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Innovations:
-    """Innovations of each hypothesis: the observation less its prediction.
+    """Innovation of each of k hypotheses: observation minus prediction.
 
     Attributes
     ----------
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Jacobian of the observation, and its product with the covariance P. H is single if all hypotheses share it.
+        Jacobian of the observation, and its product with the covariance P. Equal Jacobians are stored once.
     root, white : (k, m, m), (k, m)
         Inverse of the lower Cholesky factor of S, and its product with the innovation.
     nis, logs : (k,)
         Normalised innovation squared, and logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Whether each name is an outlier in each hypothesis. If so, its innovation is zero and its variance is large.
+        Whether each named block is an outlier. An outlier has innovation 0 and a large variance.
     overall : (m,), (m, m)
         Mean and covariance of the innovation over all hypotheses, before outliers are removed.
     """
@@ -53,12 +53,12 @@ class Innovations:
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Concatenation of vectors, or of the rows of matrices."""
+    """Concatenate vectors, or the rows of matrices."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def block_diagonal(blocks: Sequence[Floats]) -> Floats:
-    """Matrix with these square blocks on its diagonal; SciPy's function takes ten times as long."""
+    """Block-diagonal matrix of square blocks; SciPy's function takes ten times as long."""
     ends = np.cumsum([len(block) for block in blocks])
     found = np.zeros((ends[-1], ends[-1]))
     for block, end in zip(blocks, ends, strict=True):
@@ -67,14 +67,14 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
 
 
 def together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
-    """All values concatenated, (m,), and the covariance of their errors, (m, m)."""
+    """Concatenated values of all observations, (m,), and the covariance of their errors, (m, m)."""
     if len(observations) == 1:
         return observations[0].value, observations[0].cov
     return joined([one.value for one in observations]), block_diagonal([one.cov for one in observations])
 
 
 def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
-    """Names of all blocks, and the rows of each in the concatenated values."""
+    """Names of all blocks, and the rows of each block in the concatenated values."""
     names: list[str] = []
     blocks: list[slice] = []
     start = 0
@@ -86,7 +86,7 @@ def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
 
 
 def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
-    """Whether two sequences have the same objects in the same order."""
+    """Whether two sequences contain the same objects in the same order."""
     return len(some) == len(others) and all(map(operator.is_, some, others))
 
 
@@ -102,7 +102,7 @@ def inverse_roots(S: Floats) -> Floats:
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """A group for each name, so that every name is withheld alone."""
+    """One group for each name, so that each named block is withheld alone."""
     return [np.arange(block.start, block.stop)[None] for block in blocks]
 
 
@@ -125,7 +125,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of (odds times density) of each block as an outlier, (n_blocks,); -inf if it cannot be an outlier."""
+        """Log of (odds * density) of each block as an outlier, (n_blocks,); -inf for names that are never outliers."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)
@@ -134,14 +134,14 @@ class Outliers:
 
     @property
     def far_m2(self) -> float:
-        """Variance that represents an outlier [m²]."""
+        """Variance that the innovation of an outlier gets [m²]."""
         return FAR * self.reach_m**2
 
 
 def solved(
     found: tuple[Floats, ...], weights: Floats, observations: Sequence[Observation], outliers: Outliers | None
 ) -> Innovations:
-    """Innovations without outliers; raises CovarianceError.
+    """Compute the innovations without outliers; raises CovarianceError.
 
     found: innovations y (k, m), their covariances S (k, m, m), H (1 or k, m, n), H P (k, m, n); weights: (k,)
     """

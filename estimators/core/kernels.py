@@ -1,4 +1,4 @@
-"""Compiled loops of the filter: covariances after a transition, likelihoods of withheld marks, and outliers.
+"""Compiled loops of the filter: covariances after a transition, likelihoods of withheld marks, removal of outliers.
 
 Kernels that call each other are in one file, because numba's disk cache ignores changes in other files.
 """
@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left, then the diagonal `fading`."""
+    """Write T P T' into moved (n, n). T has the block `rows` (r, c) at the top left; `fading` is its diagonal below."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
@@ -24,11 +24,11 @@ def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ignore[no-untyped-def]
-    """H P for the covariance P of each of k modes, (k, m, n): a mixture of l Gaussians, plus noise.
+    """Product H P, (k, m, n), with the covariance P of each of k modes, which is a mixture of l Gaussians plus noise.
 
     modes (any,): modes to compute, the others are zero; shares (l, k): share of each Gaussian in each mode
     covs (l, m, n): H times the covariance of each Gaussian
-    apart (l, k, n): a Gaussian's mean less the mixture's, times the root of the share; left (l, k, m): H times apart
+    apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(share); left (l, k, m): H times apart
     variances (k, n_sources): of the noise; noises (n_sources, any, any): H times the covariance at unit variance
     """
     n_mixed, m, n = covs.shape
@@ -50,7 +50,7 @@ def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ig
 
 @njit(cache=True, nogil=True)
 def _whitened(A, b):  # type: ignore[no-untyped-def]
-    """Lower Cholesky factor L of A (n, n), and L^-1 b, (n,); raises LinAlgError."""
+    """Lower Cholesky factor L of A (n, n), and L^-1 b, (n,). Raises LinAlgError if A is not positive definite."""
     L, white = np.zeros(A.shape), b.copy()
     for row in range(len(b)):
         for column in range(row + 1):
@@ -66,12 +66,12 @@ def _whitened(A, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """Log likelihood of each mark given all rows outside its group, summed over the marks, for each S (k, m, m), (k,).
+    """Sum of the marks' log likelihoods, each given the rows outside the mark's group, for k covariances S, (k,).
 
     With W = S^-1, the rows outside a group g predict y_g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
     With W_gg = L L' and the mark's rows last, the last block of L gives the mark's error and covariance.
     roots (k, m, m): inverses of the lower Cholesky factors of S
-    rows (any,): rows of one group after the other, the mark's rows first in its group
+    rows (any,): rows of all groups, group by group; each group begins with the mark's rows
     ends (n_groups,): end of each group in `rows`; own (n_groups,): number of rows of the mark
     """
     totals = np.zeros(len(roots))
@@ -89,9 +89,9 @@ def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def without_outliers(y, S, roots, ends, logs, far):  # type: ignore[no-untyped-def]
-    """Whether each block is an outlier in each hypothesis, (k, n_blocks), and sum of the outliers' log densities, (k,).
+    """Whether each block is an outlier in each hypothesis, (k, n_blocks); sum of the outliers' log densities, (k,).
 
-    y (k, m), S (k, m, m): innovations and covariances; for outliers they become zero and the variance `far`
+    y (k, m), S (k, m, m): innovations and covariances. Both are changed: an outlier gets innovation 0, variance `far`.
     roots (k, m, m): inverses of the lower Cholesky factors of S
     ends (n_blocks,): end of each block's rows; logs (n_blocks,): log density of each block as an outlier
 

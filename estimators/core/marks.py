@@ -1,4 +1,4 @@
-"""Observed positions of points of the body: marks, fixes of the target, reference marks."""
+"""Observations of positions of body points: marks, fixes of the target, reference marks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimators.tissue.estimate import MarkMeasurement
 
 
 class Places:
-    """Observation of the positions of named points, which are linear in the state.
+    """Observation of the positions of named points. The positions are linear in the state.
 
     Parameters
     ----------
@@ -21,14 +21,14 @@ class Places:
     maps : mapping of str to (dim, n)
         Map from the state to the position of each point.
     calibration : slice, optional
-        Place in the state of constant errors that the marks share; default: shared errors are new in each frame.
+        States of the marks' shared errors, if these errors are constant. Default: shared errors are new in each frame.
     noise : float
         Factor on the stated standard deviation of each mark's own noise [1].
 
     Attributes
     ----------
     value, cov, noise_cov : (m,), (m, m), (m, m)
-        Concatenated positions [m], covariance of their errors [m²], and the part of it that is the marks' own noise.
+        Concatenated positions [m], covariance of their errors [m²], covariance of the marks' own noise alone [m²].
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Places:
 
 
 def _shared(marks: Sequence[MarkMeasurement]) -> Floats:
-    """Displacement of the marks by each shared error, (m, n_shared); zero for marks without shared errors."""
+    """Displacement of the marks due to each shared error, (m, n_shared); zero for marks without shared errors."""
     dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
     columns = np.zeros((len(marks) * dim, n))
     for k, mark in enumerate(marks):

@@ -1,4 +1,4 @@
-"""Moments of several Gaussian hypotheses: mixing, prediction and mapping."""
+"""Moments of several Gaussian hypotheses: mixture, prediction, products with a matrix."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from estimators.core.protocols import Transition
 
 
 def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) of a mixture of k Gaussians with these weights, means (k, n) and covariances."""
+    """Mean (n,) and covariance (n, n) of a mixture of k Gaussians with weights (k,), means (k, n) and covariances."""
     mean = weights @ means
     apart = means - mean
     cov = weights @ np.reshape(covs, (len(weights), -1))
@@ -22,7 +22,7 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 
 
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
-    """Covariances T P T' for each of k covariances P (n, n); T: matrix."""
+    """Covariances T P T', (k, n, n), for k covariances P (n, n); T is the matrix (n, n)."""
     acting, found = matrix != 0.0, np.empty((len(covs), *matrix.shape))
     np.fill_diagonal(acting, False)
     r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
@@ -34,7 +34,7 @@ def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
-    """Add process noise to covariances (k, n, n); variances: of each source, (k, n_sources)."""
+    """Add process noise to covariances (k, n, n); variances (k, n_sources): variance of each source in each mode."""
     n_noises, m, _ = transition.noises.shape
     covs[:, :m, :m] += (variances[:, :n_noises] @ transition.noises.reshape(n_noises, m * m)).reshape(-1, m, m)
     if transition.spread is not None:
@@ -44,7 +44,7 @@ def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
 
 
 def of_each(matrices: Floats, vectors: Floats) -> Floats:
-    """Product of each matrix (k, m, n), or of a single one, with each vector (k, n)."""
+    """Products of matrices (k, m, n), or of one matrix (m, n), with vectors (k, n)."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
@@ -52,9 +52,9 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s] to k modes.
 
-    means (l, n), covs l times (n, n), weights (l,): the hypotheses, without omitted ones
-    shares (l, k): share of each hypothesis in each mode after the transition; kick (n,): effect of a known force on it
-    chain (k, k): probability of each mode after the transition, given the mode before
+    means (l, n), covs (n, n) each, weights (l,): the l hypotheses with positive weight
+    shares (l, k): share of each hypothesis in each mode after the transition
+    chain (k, k): probability of each mode after it, given the mode before it; kick (n,): shift by a known force
     """
 
     means: Floats
@@ -66,7 +66,7 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability of a change from another mode into each mode, (k,); weights: of all modes before, (k,)."""
+        """Probability of a change from any other mode into each mode, (k,); weights (k,): mode probabilities before."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
@@ -78,7 +78,7 @@ class Prior:
         return self.times(mode, np.eye(self.means.shape[1]))
 
     def times(self, mode: int, columns: Floats) -> Floats:
-        """Product of `cov` with columns, (n,) or (n, any)."""
+        """Product of `cov` of a mode with columns, (n,) or (n, any)."""
         shares, apart = self.shares[:, mode], self.means - self.mean(mode)
         found = (apart.T * shares) @ (apart @ columns)
         for share, P in zip(shares, self.covs, strict=True):
@@ -89,7 +89,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Covariance of each of k modes after a transition, computed on demand: a mixture of l Gaussians, plus noise.
+    """Covariances of k modes after a transition, computed on demand. Each is a mixture of l Gaussians plus noise.
 
     shares (l, k), apart (l, k, n): see `mixed_rows`; covs (l, n, n): covariances of the Gaussians
     variances (k, n_sources), noises (n_sources, m, m): see `ProcessModel` and `Transition`
@@ -105,7 +105,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances after a transition; means: of the moved Gaussians, (l, n); added: variances, (n,)."""
+        """Covariances after a transition; means (l, n): moved means of the Gaussians; added (n,): further variances."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)
@@ -117,7 +117,7 @@ class Predicted:
         return cls(shares, apart, covs, variances[:, :n], noises, each)
 
     def each(self, modes: NDArray[np.int64]) -> Floats:
-        """Covariances of these modes, and zeros for all others, (k, n, n)."""
+        """Covariances of the given modes, (k, n, n); zeros for all other modes."""
         found = mixed_rows(modes, self.shares, self.apart, self.apart, self.covs, self.variances, self.noises)
         np.einsum("kii->ki", found)[modes] += self.added[modes]
         return np.asarray(found)
@@ -135,7 +135,7 @@ class Predicted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """Moments of the mixture before and after a prediction, (n,) and (n, n), and the transition's matrix (n, n)."""
+    """Mean (n,) and covariance (n, n) of the mixture before and after a prediction; matrix (n, n) of the transition."""
 
     mean_before: Floats
     cov_before: Floats

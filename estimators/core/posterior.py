@@ -1,4 +1,4 @@
-"""Posterior of a tissue at the present time: positions of its points, and search regions for marks."""
+"""Posterior of a tissue at the present time: positions of tissue points, and search regions for marks."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""The covariance of a first mark's search region is that of the start times this factor, because the body may be
+"""Factor on the prior covariance that gives the search region of a node's first mark, because the body may be
 displaced [1]; choice."""
 
 POSSIBLE = 1e-3
-"""Search regions of marks allow for each mode with at least this probability [1]; choice."""
+"""Least probability of a mode for which search regions of marks are large enough [1]; choice."""
 
 
 class TissuePosterior:
@@ -48,7 +48,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Displacement of the free nodes by a known force, as far as a continuum's modes do not describe it [m].
+        Displacement of the free nodes by a known force that the modes of a continuum omit [m]; 0 for a network.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class TissuePosterior:
         self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
     def begin(self) -> None:
-        """Start at the prior."""
+        """Reset the posterior to the prior."""
         self.level = LevelPosterior(self.process.discrepancy)
         self.filter = HypothesisFilter(
             self.process, self.level, self._groups, outliers=self._outliers, considered=self.process.considered
@@ -130,17 +130,17 @@ class TissuePosterior:
 
     @property
     def by_calibration(self) -> Floats:
-        """Displacement of the target by one standard deviation of each calibration error [m], (dim, n_calibration)."""
+        """Displacement of the target per standard deviation of each calibration error [m], (dim, n_calibration)."""
         own = self.process.parts.get("calibration", slice(0, 0))
         return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
 
     @property
     def may_be_led(self) -> bool:
-        """Whether an outside force may drag the body at any time: in space, or if the settings have `led_nodes`."""
+        """Whether an outside force may drag the body at any time: always in space, in a plane only with `led_nodes`."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
-        """The linear map from the state to a point's position, (dim, n), without its constant."""
+        """Matrix (dim, n) of the affine map from the state to a point's position; `constant_of` is the constant."""
         rows = self.process.places(point.matrix)
         offset = self.process.parts.get("offset")
         if offset is not None and point is self.target:
@@ -148,23 +148,23 @@ class TissuePosterior:
         return rows
 
     def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
-        """Mean (dim,) [m] and covariance (dim, dim) [m²] of a point of the tissue."""
+        """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue."""
         mean, cov = self.filter.moments(self.rows_of(point))
         own = 0.0 if point is self.target else point.point.sd_m
         left_out = point.matrix * np.repeat(self.process.left_out_m2, len(mean)) @ point.matrix.T
         return mean + self.constant_of(point), cov + self.level.level**2 * left_out + own**2 * np.eye(len(mean))
 
     def constant_of(self, point: TargetMap) -> Floats:
-        """The constant part of a point's position [m], (dim,)."""
+        """Constant of the affine map from the state to a point's position [m], (dim,)."""
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance [m²] without the error of the target's offset; cov: (dim, dim) [m²]."""
+        """Trace of a target covariance (dim, dim) without the part due to the error of the target's offset [m²]."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property
     def offset_cov(self) -> Floats:
-        """Covariance of the constant error of the target's offset [m²], (dim, dim)."""
+        """Covariance of the error of the target's offset [m²], (dim, dim)."""
         offset, dim = self.process.parts.get("offset"), self.network.dim
         if offset is None:
             return np.zeros((dim, dim))
@@ -178,7 +178,7 @@ class TissuePosterior:
 
     @property
     def tissue_cov(self) -> Floats:
-        """Covariance of the target [m²], (dim, dim), without the error of its offset."""
+        """Covariance of the target [m²], (dim, dim), without the error of the target's offset."""
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
@@ -198,7 +198,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """One observation of all marks (there is at least one), with the estimated factor on their noise."""
+        """One observation of all marks, of which there is at least one. Their noise includes the estimated factor."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
@@ -207,21 +207,21 @@ class TissuePosterior:
         return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
-        """Log of the predicted density of the marks; 0 without marks, and when the filter starts or is lost."""
+        """Log of the predicted density of the marks; 0 without marks, before the first marks, and when LOST."""
         if not marks or self.health.since_s is None or self.health.status is Status.LOST:
             return 0.0
         found = self.filter.innovations([self.places(marks)])
         return float(np.logaddexp.reduce(found.logs)) - 0.5 * len(found.y[0]) * float(np.log(2.0 * np.pi))
 
     def shift(self, y: Floats, S: Floats) -> CommonShift:
-        """The part of the marks' innovation that a common shift of all marks explains."""
+        """Test whether a common shift of all marks explains their innovation y (m,) with covariance S (m, m)."""
         dim, root = self.network.dim, inverse_roots(S[None])[0]
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
-        """For each node whose mark is no outlier: relative increase of the target's variance without this mark.
+        """Relative increase of the target's variance if a node's mark were not used, for each mark that is no outlier.
 
-        The increase is that of the most probable hypothesis. variance: trace of the target's covariance [m²]
+        The most probable hypothesis gives the increase. variance: trace of the target's covariance [m²]
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
@@ -235,8 +235,8 @@ class TissuePosterior:
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """Centre of the search region for a free node's mark [m], (dim,), and its covariance [m²], (dim, dim).
 
-        Among the modes with a probability above `POSSIBLE`, the most uncertain one determines centre and covariance.
-        shared: displacement of the mark by calibration errors, as in `MarkMeasurement`; None: the node's own position
+        The region is that of the most uncertain mode among those with a probability of at least `POSSIBLE`.
+        shared: displacement of the mark by calibration errors, as in `MarkMeasurement`; None: these errors are ignored
         """
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:
@@ -251,12 +251,12 @@ class TissuePosterior:
 
     @property
     def _possible(self) -> list[int]:
-        """Indices of the modes with a probability above `POSSIBLE`."""
+        """Indices of the modes with a probability of at least `POSSIBLE`."""
         weights = self.filter.weights
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """As `expected`, if an impulse may have hit the node just after its last mark: [m], (dim,), [m²], (dim, dim).
+        """Search region, with centre and covariance as from `expected`, if an impulse hit the node after its last mark.
 
         Before the first marks and after a divergence, the node may be anywhere within the extent of the network.
         """
@@ -269,13 +269,13 @@ class TissuePosterior:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """Search region of a node's first mark: centre [m], (dim,), and covariance [m²], (dim, dim)."""
+        """Search region for the first mark of a node: centre [m], (dim,), and covariance [m²], (dim, dim)."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
         return self.rest[self.network.index(node)].copy(), BESIDE * cov
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
-        """Centres of the search regions of free nodes [m], (n, dim), and their covariances [m²], as in `expected`."""
+        """Results of `expected` for several free nodes: centres [m], (n, dim), and covariances [m²], (n, dim, dim)."""
         dim, possible = self.network.dim, self._possible
         rows = np.vstack([self._maps[node] for node in nodes])
         each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)

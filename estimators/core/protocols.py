@@ -18,16 +18,16 @@ class Transition:
     Attributes
     ----------
     mean : (n,)
-        Next state from the reference state, as `ProcessModel.moved` returns it.
+        Reference state after the transition, as `ProcessModel.moved` returns it.
     matrix : (n, n)
         Jacobian: derivative of the next state with respect to the previous state.
     noises : (n_noises, m, m)
         Covariance of the noise from each source at unit variance. The noise affects only the first m states.
     independent : (n_independent, n)
-        For each further source at unit variance, variance of its noise in each state. Its noise is independent between
+        Diagonal of the noise covariance from each further source, at unit variance. This noise is independent between
         states.
     spread : (s, s), optional
-        Covariance of the linearisation error in the first s states, the same in all modes.
+        Covariance of the linearisation error in the first s states. All modes have the same error.
     """
 
     mean: Floats
@@ -38,7 +38,7 @@ class Transition:
 
 
 class ProcessModel(Protocol):
-    """Process model: how a state moves under each of several modes of noise.
+    """Process model: motion of a state under noise, whose strength depends on the mode.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class ProcessModel(Protocol):
     rates : (n_modes, n_modes)
         Transition rates between the modes [1/s]; rows sum to zero.
     tolerance : (n,)
-        Error of the linearisation above which the filter linearises again, for each state.
+        Largest accepted linearisation error of each state; if it is exceeded, the filter linearises again.
     """
 
     @property
@@ -60,7 +60,7 @@ class ProcessModel(Protocol):
 
     @property
     def tolerance(self) -> Floats:
-        """Linearisation error above which the filter linearises again, (n,); infinite where the model is linear."""
+        """Largest accepted linearisation error of each state, (n,); infinite for states with linear motion."""
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance in each mode (n_modes, n, n) before any observation.
@@ -69,7 +69,7 @@ class ProcessModel(Protocol):
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources); those of `Transition.noises` come first.
+        """Variance of each source of noise in each mode, (n_modes, n_sources): `Transition.noises`, then `independent`.
 
         level: level of the discrepancy
         """
@@ -78,13 +78,13 @@ class ProcessModel(Protocol):
         """Next state (n,) after dt [s] without noise."""
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
-        """The model over dt [s], linearised about a state (n,).
+        """Linearise the model over dt [s] about a state (n,).
 
-        cov: function that returns the covariance of the most probable hypothesis, (n, n), for sigma points
+        cov: returns the covariance of the most probable hypothesis, (n, n); only a model with sigma points calls it
         """
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is independent of its value dt [s] ago; 0 without discrepancy."""
+        """Share of the discrepancy's variance that arose in the last dt [s]; 0 without discrepancy."""
 
 
 class Observation(Protocol):
@@ -97,10 +97,10 @@ class Observation(Protocol):
     value : (m,)
         Observed value, in any unit.
     cov : (m, m)
-        Covariance of the value's error, positive definite; errors of different observations are independent. The
-        optional attribute `noise_cov` is the part of it whose level the filter estimates; default: all of it.
+        Covariance of the value's error, positive definite; errors of different observations are independent. An
+        optional attribute `noise_cov` is the part of cov whose level the filter estimates; default: cov.
     blocks : sequence of slice
-        Rows of each name.
+        Rows of each named block.
     """
 
     @property
@@ -117,7 +117,7 @@ class Observation(Protocol):
 
     @property
     def blocks(self) -> Sequence[slice]:
-        """Rows of each name."""
+        """Rows of each named block."""
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted value (m,) at a state (n,), and its derivative (m, n)."""

@@ -1,4 +1,4 @@
-"""States for constant errors: of model constants, of the calibration, of target fixes, and of the target's offset."""
+"""Constant errors as states: errors of model constants, calibration, target fixes, and the target's offset."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Statics:
     offset_sd_m: float = 0.0
 
     def parts(self, dim: int) -> dict[str, tuple[int, float, float]]:
-        """Number of states, their standard deviation, and their correlation time [s], by the name of the error."""
+        """Number of states, standard deviation and correlation time [s] of each kind of error, by its name."""
         n_constants = 0 if self.uncertainty is None else len(self.uncertainty.directions)
         bias, offset_sd_m = self.fix_bias, self.offset_sd_m
         return {
@@ -46,18 +46,18 @@ class Statics:
 
 
 class StaticStates:
-    """States of constant errors, in standard deviations or metres. They come last in the state vector.
+    """States of constant errors. They are the last states of the state vector.
 
     Attributes
     ----------
     n : int
         Number of these states.
     parts : dict of str to slice
-        Slice of each error by its name; the first of these states has index 0.
+        States of each kind of error, by its name. Indices begin at 0 with the first constant error.
     sd : (n,)
         Standard deviation of each state before any observation.
     considered : (n,) bool
-        Which states no observation corrects.
+        Whether a state is considered: its error counts, but no observation corrects it (Schmidt-Kalman filter).
     """
 
     def __init__(self, statics: Statics, dim: int) -> None:

@@ -1,4 +1,4 @@
-"""Process model of a tissue: motion under unknown forces, a discrepancy of displacements, and constant errors."""
+"""Process model of a tissue: motion under unknown forces, discrepancy of displacements, constant errors."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ TOLERANCE = 1e-3
 """Largest linearisation error in a frame, relative to the body's extent [1]; numerical."""
 
 PUSHED_S = 1.0
-"""At the start, the unknown forces have acted for this time on a body at rest [s]; choice."""
+"""The prior assumes that unknown forces have acted on a body at rest for this time [s]; choice."""
 
 DISPLACED = 0.1
-"""Largest standard deviation of the nodes' displacements at the start, relative to the extent [1]; choice."""
+"""Largest prior standard deviation of the nodes' displacements, relative to the body's extent [1]; choice."""
 
 START_SHARE = 0.001
-"""Standard deviation of each node's independent displacement at the start, in extents [1]; choice. Its independent
-speed has the same value in extents per second."""
+"""Prior standard deviation of each node's independent displacement, in extents of the body [1]; choice. The node's
+independent speed has the same value in extents per second."""
 
 
 class TissueProcess:
     """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
     State: position, velocity, force, discrepancy, constant errors. A force is the acceleration of a marked node, or the
-    coefficient of a basis function of the slow field. The discrepancy is a coefficient for each basis function of its
-    field [1]. `places` maps the state to the position of a point, with the discrepancy.
+    coefficient of a basis function of the slow force field. The discrepancy has one coefficient for each basis function
+    of its field [1]. `places` maps the state to the position of a point, including the discrepancy.
 
     Parameters
     ----------
@@ -48,12 +48,11 @@ class TissueProcess:
     disturbances, discrepancy
         Priors of the unknown forces and of the discrepancy.
     statics : Statics, optional
-        Constant errors: of model constants, calibration, fixes, and the target's offset; default: none.
+        Priors of constant errors; default: no constant errors.
     elements : sequence of ForceElement
-        Elements besides the network's own springs, resistance and weight.
+        Elements in addition to the network's springs, resistance and weight.
     sigma_points : bool
-        Whether the motion is linearised with sigma points, not with derivatives; only for a network without other
-        elements.
+        Whether sigma points, not derivatives, linearise the motion; not possible with `elements`.
     """
 
     def __init__(
@@ -108,7 +107,7 @@ class TissueProcess:
         return self.motion.span
 
     def _prior_of_motion(self) -> Floats:
-        """Covariance of position and velocity at the start: `PUSHED_S` after rest, in the strongest mode."""
+        """Prior covariance of position and velocity: a body at rest, then `PUSHED_S` of the strongest mode's forces."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
@@ -124,18 +123,18 @@ class TissueProcess:
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
-        """Set the covariance of forces and discrepancy in cov (n, n) from the sources' variances (n_sources,)."""
+        """Write the prior of forces and discrepancy into cov (n, n); variances (n_sources,): of the noise sources."""
         strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
         cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
         cov[displaced, displaced] = variances[SOURCES.index("discrepancy")]
 
     def coordinates(self, positions: Floats) -> Floats:
-        """Coordinates of the state (n,) that best fit positions of all nodes [m], (n_nodes, dim)."""
+        """Coordinates (n,) that best fit given positions of all nodes [m], (n_nodes, dim)."""
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); likewise velocities."""
+        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); also valid for velocities."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
@@ -145,14 +144,14 @@ class TissueProcess:
         return self.places(matrix)
 
     def places(self, matrix: Floats) -> Floats:
-        """Map from the state to a point [m], (dim, n); matrix: map from the free coordinates, (dim, n_free dim)."""
+        """Matrix (dim, n) from the state to a point [m]; matrix: from the free coordinates to it, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance in each mode (n_modes, n, n) at the start; the mean is the drawn shape at rest."""
+        """Mean (n,) and covariance in each mode (n_modes, n, n) at the start. The mean is the drawn shape at rest."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
@@ -170,10 +169,10 @@ class TissueProcess:
         return self.n - self._lasting.n
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source in each mode, (n_modes, n_sources).
+        """Variance of each source of noise in each mode, (n_modes, n_sources).
 
-        The unit is (m/s²)²/Hz for white noise and (m/s²)² for forces. The variance of the discrepancy is the squared
-        level, and that of constant errors is 1.
+        The unit is (m/s²)²/Hz for white noise and (m/s²)² for forces. The discrepancy has the variance level², and
+        constant errors have the variance 1.
         """
         rows = [(*strengths, level, 1.0) for strengths in self.disturbances.by_mode(self.motion.raised)]
         return np.square(rows)
@@ -185,7 +184,7 @@ class TissueProcess:
         return np.concatenate([self.motion.moved(state[:start], dt), self._fading(dt) * state[start:behind], lasting])
 
     def pushed(self, state: Floats, dt: float, forces: Floats) -> Floats:
-        """Change of the state over dt [s], (n, k), due to constant forces on the free nodes [N], (n_free dim, k)."""
+        """Change of the state (n, k) over dt [s] under k constant forces on the free nodes [N], (n_free dim, k)."""
         masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
         moving, found = self.parts["velocity"].stop, np.zeros((self.n, forces.shape[1]))
         accelerations = self.span.onto @ (forces / masses[:, None])
@@ -193,7 +192,7 @@ class TissueProcess:
         return found
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
-        """The transition over dt [s], linearised along its steps, or with sigma points of a covariance (n, n)."""
+        """Linearise the transition over dt [s] about a state (n,); `cov` is called only for sigma points."""
         found = self._along(state, dt)
         by, m = self._by_points, self.parts["velocity"].stop
         if cov is None or by is None:
@@ -219,5 +218,5 @@ class TissueProcess:
         return float(np.exp(-dt / self.discrepancy.lasting_s))
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is independent of its value dt [s] ago."""
+        """Share of the discrepancy's variance that arose in the last dt [s]."""
         return 1.0 - self._fading(dt) ** 2

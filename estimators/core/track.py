@@ -1,4 +1,4 @@
-"""Filter that estimates the target of a tissue from its marks: start, outliers, health, prediction."""
+"""Filter that estimates the target of a tissue from marks: start, outliers, health, prediction."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.5
-"""The filter restarts if all n marks were outliers for this time divided by n [s]; choice."""
+"""If all n marks were outliers for this time divided by n [s], the filter restarts; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest step of predictions ahead, and longest step under a known force [s]; numerical. `predict` takes one step."""
+"""Longest step of `predict_at` and similar methods, and longest step under a known force [s]; numerical."""
 
 UNMEASURED = 0.5
-"""A coordinate of a mark is not measured if its standard deviation exceeds this share of the extent [1]; choice."""
+"""A coordinate of a mark is not measured if its standard deviation exceeds this share of the body's extent; choice."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -44,7 +44,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates after the last marks, (n,)."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates of the body after the last marks, (n,)."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -61,33 +61,34 @@ class FilterSnapshot:
     placed: Floats | None
 
     def without_marks(self) -> FilterSnapshot:
-        """A copy of the snapshot without the effect of marks."""
+        """Copy of the snapshot in which no mark has been used yet."""
         return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None, placed=None)
 
 
 class TissueFilter(TissuePosterior):
     """Filter that estimates a hidden target from marks on the tissue.
 
-    The filter is the same for every body: only the strength of forces depends on stiffness and size.
+    All bodies use the same filter; only the strengths of the unknown forces depend on the body's stiffness and size.
 
     Parameters
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        Name of a node, or a point. A node's place in the body is exact; `sd_m` states how uncertain a point's place is.
+        Name of a node whose place in the body is exactly known, or a point with the standard deviation `sd_m`.
     marked : sequence of str
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the model's constants; considered, not estimated. None: the constants are exact.
     n_calibration : int
-        Number of columns of the marks' `shared` if shared errors are constant; 0: they are new in each frame.
+        Number of constant calibration errors, which are the columns of `MarkMeasurement.shared`. If 0, all shared
+        errors are new in each frame.
     disturbances, discrepancy
         Priors of the unknown forces and of the model's error; default: those of the settings.
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart in the last or in the drawn shape; keep the target's offset unless the filter diverged."""
+        """Restart in the last shape or, if `as_drawn`, in the drawn one; keep the target's offset unless DIVERGED."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -139,9 +140,9 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Predict the state at this exposure time [s]; raises ValueError for an earlier or infinite time.
+        """Predict the state at an exposure time [s]; raises ValueError for an earlier or infinite time.
 
-        push: known force, such as the needle's
+        push: known force on the tissue, such as the force of a needle
         """
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
@@ -149,7 +150,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at this time [s]; returns whether the state was reset, because the gap was too long."""
+        """Predict the state at a time [s]. If the gap is too long, reset the state instead, and return True."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -182,7 +183,7 @@ class TissueFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """Run in one thread, and restore the present state at the end."""
+        """Context manager: run in one thread, and restore the present state at the end."""
         now = self.snapshot()
         try:
             with one_blas_thread():
@@ -191,7 +192,7 @@ class TissueFilter(TissuePosterior):
             self.restore(now)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """Predict the target at a later time [s], such as a needle's arrival, from the marks until now.
+        """Predict the target at a later time [s], such as the arrival of a needle, from all marks until now.
 
         push: known force. The state does not change. Raises ValueError before the first frame and for invalid times.
         """
@@ -200,7 +201,7 @@ class TissueFilter(TissuePosterior):
             return self._estimate(time_s, 0, None)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
-        """As `predict_at`, but returns a Gaussian for each mode at that time."""
+        """As `predict_at`, but return a Gaussian for each mode at that time."""
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own, live = self.rows_of(self.target), self.filter, np.flatnonzero(self.filter.weights)
@@ -208,9 +209,9 @@ class TissueFilter(TissuePosterior):
             return GaussianMixture(own.weights[live], means, rows @ own.covs[live] @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """Predict the target at increasing later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
+        """Means [m], (k, dim), and covariances [m²], (k, dim, dim), of the target at later times [s], (k,).
 
-        The state does not change. Raises ValueError as `predict_at` does, and for decreasing times.
+        The state does not change. Raises ValueError as `predict_at` does, and if the times decrease.
         """
         found = []
         with self._unchanged():
@@ -220,7 +221,7 @@ class TissueFilter(TissuePosterior):
         return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables that predict the target at n_times times, cycle_s [s] apart."""
+        """Tables that predict the target at n_times future times with an interval of cycle_s [s]."""
         return AheadTables.of(self, n_times, cycle_s)
 
     @all_or_nothing
@@ -253,7 +254,7 @@ class TissueFilter(TissuePosterior):
         return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
-        """Number of measured coordinates of the marks, counted along the axes of each mark's covariance."""
+        """Number of measured coordinates of the marks, along the principal axes of their covariances."""
         variances = np.linalg.eigvalsh(np.reshape([mark.cov for mark in marks], (-1, *[self.network.dim] * 2)))
         return int((variances < (UNMEASURED * self.process.extent_m) ** 2).sum())
 
@@ -282,7 +283,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart, as drawn if the last restart was recent, and update; returns the marks that fit, and their NIS."""
+        """Restart, then update with the marks; returns the marks that are no outliers, and their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
@@ -302,10 +303,10 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a direct measurement of the target at the state's time: position [m], (dim,), covariance [m²].
+        """Update with a fix: a direct measurement of the target [m], (dim,), with covariance [m²], (dim, dim).
 
-        A fix beyond the gate is rejected. If the next fix is near the rejected one, it is used. Raises ValueError for
-        another dimension, for numbers that are not finite, and for a matrix that is no covariance.
+        A fix beyond the gate is rejected. If the next fix is near the rejected fix, the next fix is used.
+        Raises ValueError for another dimension, for numbers that are not finite, and for an invalid covariance.
         """
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) first, found no time")

@@ -1,4 +1,4 @@
-"""Generic filters based on filterpy: unscented Kalman filter, estimate of a variance factor.
+"""Generic filters: unscented Kalman filter, based on filterpy; estimate of a variance factor.
 
 Springs and marks do not belong here.
 """

@@ -1,4 +1,4 @@
-"""Adaptive factor on a part of a covariance, estimated from innovations and limited by bounds."""
+"""Adaptive factor on a part of a covariance, estimated from innovations within bounds."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """Maximum-likelihood estimate, with forgetting, of the ratio of a variance to its stated value.
+    """Maximum-likelihood estimate of a factor `scale` on a part of the innovation covariance, with forgetting.
 
-    Innovations have the covariance S = rest + scale * part. Each innovation changes log scale by its score, divided by
-    the Fisher information of the last forget_s. An innovation that does not depend on the part leaves `scale` as it is.
-    Source: [titterington1984].
+    The innovation covariance is S = rest + scale * part. Each innovation changes log(scale) by the score divided by the
+    Fisher information, which is forgotten with the time constant forget_s. Source: [titterington1984].
 
     bounds: smallest and largest scale, which is a factor on variances
     start_information: weight of the initial scale 1, as a number of independent coordinates
-    State: scale; information, the Fisher information of log scale that is not forgotten yet.
+    State: scale; information, the Fisher information of log(scale) that is not forgotten yet.
     """
 
     def __init__(self, bounds: tuple[float, float], forget_s: float = 10.0, start_information: float = 10.0) -> None:
@@ -29,7 +28,7 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """Update with an innovation (m,), dt [s] after the last; returns the scale. part, rest: see above, (m, m)."""
+        """Update with an innovation (m,), dt [s] after the last one, and return the scale; part, rest: (m, m)."""
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)

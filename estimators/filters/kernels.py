@@ -1,7 +1,7 @@
 """Compiled loops of the unscented filter: sigma points and moments.
 
-Letters as in the textbook: x mean, P covariance, W weights, Q process noise, y innovation, S its covariance. For about
-twenty states, plain loops are faster than a call of LAPACK.
+Letters as in the textbook: x mean, P covariance, W weights, Q process noise, y innovation, S innovation covariance. For
+about twenty states, plain loops are faster than calls of LAPACK.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FASTMATH = {"contract", "reassoc"}
 
 @njit(cache=True, nogil=True)
 def chol_lower(P):  # type: ignore[no-untyped-def]
-    """Lower L with L L' = P, (n, n), and whether P was positive definite."""
+    """Lower triangular L with L L' = P, (n, n), and whether P was positive definite."""
     n = P.shape[0]
     L = np.zeros((n, n))
     for j in range(n):
@@ -42,7 +42,7 @@ def is_finite(x, P):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
-    """Whether x (n,) is finite and P (n, n) finite, definite and symmetric up to `rounding` of its maximum."""
+    """Whether x (n,) is finite and P (n, n) is finite, positive definite and, up to `rounding`, symmetric."""
     n = P.shape[0]
     for i in range(n):
         if not np.isfinite(x[i]):
@@ -59,7 +59,7 @@ def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
-    """Sigma points x, then x plus and x minus the columns of chol(scale P), (2n + 1, n), and whether P was definite."""
+    """Sigma points (2n + 1, n): x, x plus and x minus each column of chol(scale P); whether P was positive definite."""
     n = x.shape[0]
     L, definite = chol_lower(scale * P)
     points = np.empty((2 * n + 1, n))
@@ -73,7 +73,7 @@ def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH)
 def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
-    """Mean and covariance of weighted points plus noise: (n,), (n, n), exactly symmetric."""
+    """Mean (n,) and covariance (n, n) of weighted points plus noise; the covariance is exactly symmetric."""
     n_points, n = points.shape
     x = np.zeros(n)
     for k in range(n_points):
@@ -100,15 +100,15 @@ def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
-    """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) with covariance S (n, n)."""
+    """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) with the covariance S (n, n)."""
     return np.dot(y, np.linalg.inv(S) @ y)
 
 
 @njit(cache=True, nogil=True)
 def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
-    """Reduction of the target's variance by each block of `width` measurements: tr G_i (S^-1_ii)^-1 G_i', (m / width,).
+    """Reduction of the target's variance by each block of `width` measurements, tr G_i (S^-1_ii)^-1 G_i', (m / width,).
 
-    gain: Kalman gain of the target, (n, m); S_inv: inverse covariance of the innovation, (m, m)
+    gain: Kalman gain G of the target, (n, m); S_inv: inverse of the innovation covariance S, (m, m)
     """
     traces = np.empty(len(S_inv) // width)
     for i in range(len(traces)):
@@ -120,11 +120,11 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """NIS after the best common shift of all blocks of `width` measurements, and least NIS after a shift of one block.
+    """Remaining NIS after the best common shift of all blocks, and after the best shift of the best single block.
 
-    y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
-    shifted block, the best shift reduces the NIS by w'H (H' S^-1 H)^-1 H'w: generalised least squares. The best shift
-    of one block has the same effect as omitting the block.
+    y (m,), S_inv (m, m): innovation and inverse of its covariance; width: number of measurements in a block
+    With w = S^-1 y, and H a unit matrix for each shifted block, the best shift reduces the NIS by
+    w'H (H' S^-1 H)^-1 H'w. A shift of one block has the same effect as omitting it.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -142,7 +142,7 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
-    """Cost of assigning mark j to expected mark i, -log of a Gaussian density without its constant: (n, m).
+    """Cost, (n, m), of the assignment of measured mark j to expected mark i: -log of its density, up to a constant.
 
     means (n, dim), covs (n, dim, dim): expected marks; z (m, dim), R (m, dim, dim): measured marks
     """
@@ -167,7 +167,7 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
-    """Whether any pair of marks can exchange names at a cost of at most `limit`.
+    """Whether any two marks can exchange names at an additional cost below `limit`.
 
     costs (n, n): cost of mark j on node i, 0 for an absent mark; pairs (n, n): whether two marks may be exchanged
     """

@@ -1,4 +1,4 @@
-"""filterpy's unscented filter with compiled loops, batched models and measurements of any length."""
+"""filterpy's unscented filter with compiled loops, batches of sigma points, and measurements of any length."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from estimators.filters.kernels import moments, symmetric_points
 
 
 class CovarianceError(ArithmeticError):
-    """Error for a covariance that is no longer positive definite; it is not repaired silently."""
+    """Error for a covariance that is not positive definite; it is not repaired silently."""
 
 
 def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
-    """Sigma points whose weights are all positive: alpha 1, beta 0, kappa 0, the third-degree cubature rule.
+    """Sigma points with positive weights only: alpha 1, beta 0, kappa 0, which is the third-degree cubature rule.
 
-    With the customary kappa = 3 - n the centre's weight is negative beyond three states and the covariance may lose
-    its definiteness [arasaratnam2009].
+    With the usual kappa = 3 - n, the weight of the centre is negative for more than three states, and the covariance
+    may then lose its definiteness [arasaratnam2009].
     """
     return filterpy.MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0)
 
 
 class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
-    """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y) and these differences.
+    """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y), and these differences.
 
     - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return a row for each;
-    - the length of a measurement, and with it hx and R, may change between updates;
+    - the length of a measurement may change between updates, together with hx and R;
     - P is exactly symmetric, and a P or S that is not positive definite raises CovarianceError;
-    - the likelihood is kept as a logarithm, so that it cannot underflow.
+    - the likelihood is stored as a logarithm, so that it cannot underflow.
 
     State: x (dim_x,) and P (dim_x, dim_x) after the last predict or update; nis and log_likelihood of the last update.
     """
@@ -48,14 +48,14 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.nis = 0.0
 
     def predict(self, dt: float) -> None:
-        """Predict x and P by dt [s] and add Q; raises CovarianceError."""
+        """Predict x and P over dt [s], and add Q; raises CovarianceError."""
         points = self.fx(self._drawn(), dt)
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
-        """Update with a measurement z (m,) and its noise covariance R (m, m); if z is None, nothing changes.
+        """Update with a measurement z (m,) and its noise covariance R (m, m). If z is None, nothing changes.
 
-        hx: from sigma points (n_points, dim_x) to measurements (n_points, m). Raises CovarianceError.
+        hx: function from sigma points (n_points, dim_x) to measurements (n_points, m). Raises CovarianceError.
         """
         if z is None:
             return

@@ -14,14 +14,14 @@ from estimators.guidance.settings import AdviceSettings
 class AbortWatch:
     """State machine that tracks whether a needle is inside the tissue, and gives ABORT when the needle has to stop.
 
-    Outside the tissue, advice is unchanged. Inside the tissue, ABORT replaces NO_GUIDANCE. If the needle entered later
-    than `AdviceSettings.abort_s` after the last GO, ABORT replaces any advice. After a GO, ABORT replaces WAIT and
-    REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
+    Outside the tissue, advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. If the needle entered without a GO in
+    the last `AdviceSettings.abort_s`, ABORT replaces any advice. After a GO, ABORT replaces WAIT and REALIGN if the hit
+    probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
 
-    ABORT ends when the needle is outside, or when GO has lasted for `AdviceSettings.abort_s`. If the needle was inside
-    from its first position on and got no GO, any advice except NO_GUIDANCE ends ABORT if it has lasted for this time.
+    ABORT ends when the needle is outside, or when GO has lasted for `AdviceSettings.abort_s`. Exception: if the needle
+    was inside from the start and got no GO, any advice except NO_GUIDANCE ends ABORT once it has lasted for this time.
 
-    State: whether the needle is inside, how it entered, the last GO, and since when the advice may end ABORT.
+    State: whether the needle is inside, how it entered, time of the last GO, and since when the advice may end ABORT.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class AbortWatch:
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The guidance at now_s [s], with ABORT in place of its advice if the needle has to stop."""
+        """The guidance at now_s [s]. If the needle has to stop, ABORT replaces its advice."""
         inside = insertion.depth_m > 0.0
         if not inside:
             self._inside, self._followed_go, self._early, self._aborts = False, False, False, False

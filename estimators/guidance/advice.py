@@ -1,6 +1,6 @@
 """Advice on the needle: insert, wait, realign, stop, or no guidance because the estimate is not healthy.
 
-For each frame, `estimators.guidance.path` predicts the target's path. From this path follow the needle's arrival time,
+For each frame, `estimators.guidance.path` predicts the target's path. The path determines the needle's arrival time,
 the mean and covariance of the target at that time, and the hit probabilities of insertions now and later. `RULES` turn
 these numbers into advice.
 """
@@ -24,8 +24,8 @@ from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
 
 PATH_STEP_S = 1.0 / 30.0
-"""Step between the times of a predicted path [s]. For a swing of 10 mm at 3 Hz, cubic interpolation errs by less than
-0.1 mm. Numerical: half or twice the step changes the mean hit probability by less than 0.4 %."""
+"""Interval between the times of a predicted path [s]; numerical: half or twice this value changes the mean hit
+probability by less than 0.4 %. For oscillations of 10 mm at 3 Hz, the error of cubic interpolation is below 0.1 mm."""
 
 
 class Advice(StrEnum):
@@ -40,14 +40,14 @@ class Advice(StrEnum):
     NO_GUIDANCE = "NO_GUIDANCE"
     """No advice, because the estimate is not healthy."""
     ABORT = "ABORT"
-    """The needle is inside, and the reason for inserting it no longer holds: stop. Only `AbortWatch` gives it."""
+    """Stop: the needle is inside, and the reason for inserting it no longer holds. Only `AbortWatch` gives ABORT."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """Predicted results of insertions along the present direction that begin at the times starts_s [s], (k,).
+    """Predicted results of insertions along the present direction; starts_s: start times of the insertions [s], (k,).
 
-    arrivals_s: times at which the notch is beside the target [s], (k,); inf if this is after the end of the path
+    arrivals_s: times at which the notch is beside the target [s], (k,); inf for times after the end of the path
     probabilities: hit probabilities [1], (k,); 0 if the needle does not arrive
     """
 
@@ -58,21 +58,21 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """Advice at one time with the numbers behind it.
+    """Advice at one time, and the numbers from which it follows.
 
     If the estimate is not healthy, or if a needle inserted now never arrives, all numbers are None.
 
     advice, reason: the advice, and its reason in words
-    arrival_s: time at which the part of the needle that has to hit reaches the target, for an insertion now [s]
+    arrival_s: for an insertion now, time at which the part of the needle that has to hit reaches the target [s]
     probability: hit probability of an insertion now along the present direction
-    aim: predicted position of the target at arrival_s, and best position of the notch's middle [m], (dim,)
+    aim: predicted position of the target at arrival_s, which is the best position of the notch's middle [m], (dim,)
     cov: covariance of the target at arrival_s [m²], (dim, dim)
     lateral_m: distance of the aim from the needle's line [m]
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
-    turn_rad: angle by which to turn the needle about its entry, towards the aim [rad]
-    turned_axis, turned_probability: direction after this turn, (dim,), and hit probability along that direction
+    turn_rad: angle of a turn of the needle about its entry, towards the aim [rad]
+    turned_axis, turned_probability: direction after this turn, (dim,), and hit probability along this direction
     best_in_s: time from now until the best start of an insertion along the present direction [s]
-    best_probability: hit probability of an insertion at this start
+    best_probability: hit probability of an insertion at the best start
     outlook: results for all start times; None if the estimate is not healthy
     """
 
@@ -94,15 +94,15 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """Input of the rules of advice: predicted results of an insertion now, later, and after a turn.
+    """Input of the rules of advice: predicted results of insertions now, later, and after a turn.
 
     probability: hit probability of an insertion now along the present direction; 0 if the needle never arrives
     arrives: whether the needle arrives before the predicted path ends; reach_s: duration of this path [s]
     best_in_s, best_probability: time from now until the best start [s], and hit probability of this start
     turn_rad: angle of a turn towards the predicted target [rad]; turned_probability: hit probability after this turn
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
-    behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
-    target_sd_m: largest standard deviation of the target in any direction, at the arrival [m]
+    behind: whether the target lies behind the entry, so that the needle cannot reach it along the present direction
+    target_sd_m: largest standard deviation of the target in any direction at arrival [m]
     tip_sd_m: largest standard deviation of the tip in any direction [m]
     """
 
@@ -121,7 +121,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An advice, the condition under which it is given, and its reason in words."""
+    """A rule of advice: the advice, the condition for it, and its reason in words."""
 
     advice: Advice
     holds: Callable[[Prospect, AdviceSettings], bool]
@@ -177,7 +177,7 @@ RULES = (
 
 
 def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
-    """Advice and reason of the first rule whose condition holds; raises LookupError if there is none."""
+    """Advice and reason of the first rule whose condition holds; raises LookupError if no condition holds."""
     for rule in rules:
         if rule.holds(prospect, settings):
             return rule.advice, rule.reason(prospect)
@@ -189,7 +189,7 @@ class PathSource(Protocol):
 
     @property
     def seen_s(self) -> float | None:
-        """Time of the last mark used [s]; None before the first."""
+        """Time of the last used mark [s]; None before the first mark."""
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Means (k, dim) and covariances (k, dim, dim) of the target at later times [s], (k,)."""
@@ -198,7 +198,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times of the path for advice [s], (k,), until the last possible insertion reaches the target's present place."""
+    """Times of the path for advice [s], (k,), up to the last possible arrival at the target's present place."""
     until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
@@ -219,8 +219,8 @@ def guide(
 
     If the estimate is not healthy, no path is predicted, because the prediction takes most of the time.
 
-    now_s: time of the advice [s]; by default the time of the estimate
-    path_at: function that predicts the path at given times [s], (n,), or at more times. By default the path of a
+    now_s: time of the advice [s]; default: time of the estimate
+    path_at: function that predicts the path at given times [s], (n,), or at more times. Default: the path of a
         `TissueFilter` comes from tables, which the first call computes; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
@@ -248,9 +248,10 @@ def advise(
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
 ) -> Guidance:
-    """Advice from the predicted path of a healthy estimate; now_s: time of the advice [s], by default the path's first.
+    """Advice from the predicted path of a healthy estimate.
 
-    Raises ValueError if dimensions differ, or if the path does not cover the time from now to the last start.
+    now_s: time of the advice [s]; default: first time of the path. Raises ValueError if dimensions differ, or if the
+    path does not cover the time from now to the last start.
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

@@ -1,14 +1,14 @@
-"""Model of a breathing target: fits period and phase to a filter's estimates and predicts the target's path.
+"""Model of a breathing target: fits period and phase to a filter's estimates, and predicts the target's path.
 
-The past estimates are the track. For each period of a grid, a constant and some harmonics are fitted to the track by
-least squares with exponential forgetting. Each period is weighted by its likelihood, exp(-misfit / 2). The prediction
-is the mixture over all periods. Errors of neighbouring frames are correlated, so the misfit is scaled to the number of
-independent errors.
+The past estimates are called the track. For each period of a grid, a constant and some harmonics are fitted to the
+track by least squares with exponential forgetting. Each period is weighted by its likelihood, exp(-misfit / 2). The
+prediction is the mixture over all periods. Errors of neighbouring frames are correlated. The misfit is therefore scaled
+to the number of independent errors.
 
-A shift, a breath hold or a cough may end the validity of the model. Therefore each estimate is compared with the
+After a shift, a breath hold or a cough, the model may no longer hold. Therefore each estimate is compared with the
 model's prediction before it is added to the track. The alternative hypothesis is that the target departs from the model
-by a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds. If the
-model is improbable, a new track begins [adams2007].
+by a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds. If this
+probability is small, a new track begins [adams2007].
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information matrix, so that the first frame determines a fit; at most 0.001 of the information
-of one frame. Numerical: half or twice this value changes no figure of guidance by 0.2 %."""
+"""Regularisation of the information matrix, with which the first frame determines a fit; numerical. It is at most 0.001
+of the information of one frame. Half or twice this value changes no result of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
     """Settings of the breathing model.
 
-    shortest_s, longest_s: shortest and longest period of the grid, for 21 and 9 breaths per minute [s]; choice
+    shortest_s, longest_s: shortest and longest period of the grid [s]: 21 and 9 breaths per minute; choice
     n_periods: number of periods in the grid, evenly spaced in frequency; choice
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
-    alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
+    alike_s: correlation time of the filter's errors, above which two errors count as independent [s]; choice
     cycles: number of periods that the track must contain before a breath is reported; choice
     explained: share of the track's variance that a fit must explain before a breath is reported; choice
     lasting_s: mean time until a target departs from the model [s]; choice
-    forgotten: probability that the model holds, below which a new track begins; choice
+    forgotten: a new track begins if the probability that the model holds is below this value; choice
     """
 
     shortest_s: float = 2.8
@@ -67,7 +67,7 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """Breath fitted to a track: period with standard deviation [s], and scatter of the target about the fit [m].
+    """Breath fitted to a track: period and its standard deviation [s], scatter of the target about the fit [m].
 
     explained: share of the track's variance that the fit explains; weights: probability of each period, (n_periods,)
     """
@@ -80,10 +80,10 @@ class Breath:
 
 
 class Breathing:
-    """Predictor of a breathing target, updated with a filter's estimates, frame by frame.
+    """Predictor of a breathing target, updated frame by frame with a filter's estimates.
 
     State: sums over the track with exponential forgetting; times of the first and the last estimate; the last fit; the
-    probability that the model holds; the departure of the target from the model [m], (dim,), with its covariance.
+    probability that the model holds; the target's departure from the model [m], (dim,), and its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -109,9 +109,9 @@ class Breathing:
         self._walk, self._walk_cov = np.zeros(self.dim), np.zeros((self.dim, self.dim))
 
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
+        """Add a filter's estimate of the target at a time [s]: mean [m], (dim,), and covariance [m²], (dim, dim).
 
-        Raises ValueError if the time does not increase, if the dimension differs, and if a number is not finite.
+        Raises ValueError if the time does not increase, if the dimension differs, or if a number is not finite.
         """
         if not (self._last_s < time_s < np.inf):
             raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
@@ -161,7 +161,7 @@ class Breathing:
         return means + self._origin, covs
 
     def holds(self, times_s: Floats) -> Floats:
-        """Probability that the model still holds at times after the last estimate [s], (k,); 0 without a breath."""
+        """Probability that the model still holds at later times [s], (k,); 0 if there is no breath."""
         if self.breath() is None:
             return np.zeros(len(times_s))
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
@@ -169,8 +169,8 @@ class Breathing:
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
         """Update the probability that the model holds, and the target's departure from the model.
 
-        A Kalman filter tracks the departure as a random walk; its variance grows in one period by the track's variance.
-        Under both hypotheses, all estimates within `alike_s` together count as one independent estimate.
+        A Kalman filter tracks the departure as a random walk, whose variance grows by the track's variance in each
+        period. All estimates within `alike_s` together have the weight of one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -196,7 +196,7 @@ class Breathing:
         return np.concatenate([np.ones((*angle.shape, 1)), np.cos(turns), np.sin(turns)], axis=-1)
 
     def _fitted(self) -> tuple[Floats, Floats, Breath]:
-        """Coefficients (n_periods, n, dim) [m], their covariances [m²] (n_periods, n, n), and the breath."""
+        """Coefficients (n_periods, n, dim) [m], their covariances [m²], (n_periods, n, n), and the breath."""
         if self._fit is None:
             n = self._information.shape[1]
             inverse = np.linalg.inv(self._information + RIDGE * np.eye(n))

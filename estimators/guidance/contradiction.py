@@ -1,8 +1,8 @@
 """Contradictions between marks and model, after which an estimate may look healthy but be wrong.
 
 If a spring is cut or a mark is moved, the filter explains the measured positions by persistent forces. Its innovations
-then become small again, although its estimate of the hidden target is wrong. Therefore a detected contradiction
-persists until a person has checked tissue and marks and resets it.
+then become small again, although the estimate of the hidden target is wrong. Therefore a detected contradiction
+persists until a person has checked tissue and marks, and resets the detector.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from estimators.tissue.estimate import Status, TargetEstimate
 class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
-    away_s: a mark that the filter did not use for longer than this is tested when the filter uses it again [s]; choice
+    away_s: if a mark was not used for longer than this time, it is tested when it is used again [s]; choice
     improbable: p-value of innovations below which they contradict the model [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: likelihood ratio of two explanations, one wrong mark and a common shift of all marks, below which all
-        marks have moved together [1]; 0: not tested; measured: the ratio is at least 1e-4 in frames with pokes of
-        15 m/s²; for marks accurate to 1 mm, it is at most 1e-7 after a shift by 8 mm, and at most 1e-11 after 10 mm
+    together: a common shift of all marks is reported if the likelihood of one wrong mark, divided by the likelihood of
+        a common shift, is below this value [1]; 0: not tested. Measured: the ratio is at least 1e-4 in frames with
+        pokes of 15 m/s². With marks accurate to 1 mm, it is at most 1e-7 after a shift by 8 mm
     """
 
     away_s: float = 0.2
@@ -38,9 +38,9 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Detector of a contradiction between marks and model, from the estimates since the last `forget`.
+    """Detector of a contradiction between marks and model, from all estimates since the last `forget`.
 
-    State: reason, the contradiction in words, None before there is one; time of the last use of each mark [s].
+    State: reason, the contradiction in words, None if there is none; time of the last use of each mark [s].
     """
 
     def __init__(self, settings: ContradictionSettings = CONTRADICTION) -> None:
@@ -49,12 +49,12 @@ class Contradiction:
         self._used_s: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Discard a contradiction, after a person has checked tissue and marks."""
+        """Discard the contradiction, after a person has checked tissue and marks."""
         self.reason = None
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Update with the estimate of a frame and, if it was computed, the static balance of its marks."""
+        """Update with the estimate of a frame, and with the static balance of its marks if it was computed."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
@@ -62,8 +62,8 @@ class Contradiction:
     def _together(self, estimate: TargetEstimate) -> str | None:
         """The reason, if a common shift of all marks explains the innovations, and an error of a single mark does not.
 
-        A moved camera causes such a shift; tissue does not move so far between frames. During initialisation tissue may
-        seem to, because its velocity is not known yet.
+        A moved camera causes such a shift, tissue does not. There is no test during initialisation, because the
+        tissue's velocity is then unknown.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

@@ -3,8 +3,8 @@
 Target and tip are Gaussian and independent. The position of the sampling point relative to the target is therefore
 Gaussian, and its covariance is the sum of both covariances. A linear map turns the lesion into the unit ball. The
 squared distance of a point from the centre of this ball is a generalised chi-square variable [imhof1961].
-`estimators.guidance.kernels` computes the probability of a hit, also for a core of some length, from error functions
-along the needle and Gauss-Legendre sums across it.
+`estimators.guidance.kernels` computes the hit probability of a point or of a core. It uses error functions along the
+needle and Gauss-Legendre sums across the needle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """Best position of the notch's middle or, for a hit by the tip, of the tip [m], (dim,); its hit probability."""
+    """Best position of the notch's middle [m], (dim,), or of the tip if the tip has to hit; hit probability there."""
 
     point: Floats
     probability: float
@@ -37,8 +37,8 @@ def hit_probability(
     The error is below 1e-5. For a core whose standard deviations in two directions differ by a factor of dozens, the
     error is below 2e-4.
 
-    target: mixture from `TissueFilter.predict_modes`; with a single Gaussian in its place, the result is too low for
-        needles that are aimed at the target, and too high for needles that are aimed far from it
+    target: mixture from `TissueFilter.predict_modes`. A single Gaussian would make the result too low for needles that
+        are aimed at the target, and too high for needles that are aimed far from it.
     axis: direction of the needle [1], (dim,), of any length; the notch's middle lies `needle.reach_m` behind the tip
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
@@ -60,9 +60,9 @@ def best_aim(
     """The aim with the highest hit probability.
 
     tip_cov: covariance of the tip [m²], (dim, dim); axis: direction of the needle, (dim,)
-    For a Gaussian target the best aim is the mean: the lesion, and the set of positions at which the core is long
-    enough, are convex and symmetric [anderson1955]. For a mixture the hit probability may have several peaks: the
-    result is the best of the ascents from each mean and from the overall mean.
+    For a Gaussian target, the best aim is the mean, because the set of positions that hit is convex and symmetric
+    [anderson1955]. For a mixture, the hit probability may have several peaks. Ascents then start from each mean and
+    from the overall mean, and the result is the best of them.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)

@@ -1,7 +1,7 @@
 """Compiled integrals of a Gaussian over a lesion, and insertions towards a predicted path of the target.
 
-A linear map turns the lesion into the unit ball: y are coordinates across the needle, a is the coordinate along it. A
-notch of length l has a core of at least L in the ball if |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and
+A linear map turns the lesion into the unit ball: y are coordinates across the needle, a is the coordinate along the
+needle. A notch of length l has a core of at least L in the ball if |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and
 |y|² <= 1 - L²/4. For a point, l = L = 0. The inner integral, over a, is a difference of error functions. Integrals over
 y are Gauss-Legendre sums over an angle in which h is smooth at the ball's rim.
 """
@@ -14,23 +14,23 @@ import numpy as np
 from numba import njit
 
 SIZES = (12, 20, 32, 64)
-"""Numbers of Gauss-Legendre nodes; an integrand that changes more over the interval gets more nodes."""
+"""Numbers of Gauss-Legendre nodes: the more an integrand changes over the interval, the more nodes it gets."""
 
 FIRST = np.cumsum((0, *SIZES))
 NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Number of standard deviations beyond which a Gaussian is neglected: its probability there is 8e-11."""
+"""Number of standard deviations beyond which a Gaussian is neglected. The probability beyond it is 8e-11."""
 
 
 STEEP, PARTS = 60.0, 15
-"""Change of the integrand, in standard deviations, above which an interval is split; largest number of parts."""
+"""An interval is split if the integrand changes by more standard deviations than this; largest number of parts."""
 
 
 @njit(cache=True, nogil=True)
 def _rule(span):  # type: ignore[no-untyped-def]
-    """Index of the quadrature rule for an interval of this many standard deviations."""
+    """Index of the quadrature rule for an interval of `span` standard deviations."""
     if span < 4.0:
         return 0
     if span < 9.0:
@@ -40,7 +40,7 @@ def _rule(span):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
-    """Probability that |a| <= k."""
+    """Probability that |a| <= k for a normal variable a."""
     if sd <= 0.0:
         return 1.0 if abs(mean) <= k else 0.0
     scale = 1.0 / (sd * sqrt(2.0))
@@ -51,7 +51,7 @@ def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
 def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
     """Probability that |a| <= sqrt(radius² - y²) + extra and |y| <= edge.
 
-    y is normal with mean m and standard deviation s; given y, a is normal with mean a + slope (y - m) and sd tau.
+    y is normal with mean m and sd s. For given y, a is normal with mean a + slope (y - m) and sd tau.
     """
     low, high = max(-edge, m - WIDE * s), min(edge, m + WIDE * s)
     if s <= 0.0:
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc`, for the unit ball in space; m, s, slope (2,): for two independent coordinates across the needle."""
+    """As `_disc`, for the unit ball in space; m, s, slope, (2,): for two independent coordinates across the needle."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -143,7 +143,7 @@ def rotation_of(C, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _frame(w):  # type: ignore[no-untyped-def]
-    """Orthonormal columns (d, d); the last is the unit vector w (d,)."""
+    """Orthonormal basis as columns (d, d); the last column is the unit vector w (d,)."""
     d = w.shape[0]
     F = np.zeros((d, d))
     if d == 2:
@@ -163,7 +163,7 @@ def _frame(w):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _moved(F, m, C):  # type: ignore[no-untyped-def]
-    """F' m and F' C F, by loops, which are faster than LAPACK for three coordinates."""
+    """F' m and F' C F by loops, which are faster than LAPACK for three coordinates."""
     d = m.shape[0]
     x, P, half = np.zeros(d), np.zeros((d, d)), np.zeros((d, d))
     for i in range(d):
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a notch has at least `core` of its length in the lesion; for length 0, that its middle is there.
+    """Probability that a notch has at least the length `core` in the lesion or, for length 0, its middle.
 
     offset (d,), cov (d, d): mean and covariance of the notch's middle relative to the target
     axis (d,): unit vector along the needle; to_ball (d, d): linear map from the lesion to the unit ball
@@ -228,7 +228,7 @@ def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probabilities as from `hit`, (k,), for several offsets (k, d) and covs (k, d, d)."""
+    """Results of `hit`, (k,), for several offsets (k, d) and covariances (k, d, d)."""
     found = np.empty(offsets.shape[0])
     for i in range(found.shape[0]):
         found[i] = hit(offsets[i], covs[i], axis, to_ball, length, core)
@@ -237,14 +237,14 @@ def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
-    """Probability that a point at each of these offsets [m], (k, d), with these covariances, lies in the ball, (k,)."""
+    """Probability, (k,), that a point with mean offset (k, d) [m] and covariance (k, d, d) lies in the ball."""
     d = offsets.shape[1]
     return hit_each(offsets, covs, np.zeros(d), np.eye(d) / radius, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
-    """The path's mean at t in its interval j: cubic interpolation, with slopes of parabolas through three points."""
+    """Mean of the path at time t in its interval j, by cubic interpolation with slopes from three points."""
     n, d = means.shape
     step = times[j + 1] - times[j]
     u = (t - times[j]) / step
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is beside the target: along the axis or, if aimed, towards the target."""
+    """Depth of the tip at which the notch is beside the target: along the axis or, if `aimed`, towards the target."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])
@@ -281,7 +281,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
-    """Interval and time at which a tip that starts at `start` first reaches the wanted depth; (-1, inf) if never."""
+    """Interval and time in which a tip that starts at `start` first reaches the wanted depth; (-1, inf) if never."""
     times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
@@ -308,10 +308,10 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
-    """Results of insertions that begin at each of these times.
+    """Results of insertions that begin at given times, (k,).
 
     Returns arrival times (k,), depths (k,), the target's positions at arrival, (k, d), and hit probabilities, (k,). If
-    a needle does not arrive, its time is inf, and its hit probability is 0.
+    a needle does not arrive, its arrival time is inf, and its hit probability is 0.
 
     path: times (n,), overall means (n, d) of the target, and c parts of the mixture: weights (n, c), means relative to
         the overall mean (n, c, d), covs (n, c, d, d)

@@ -1,4 +1,4 @@
-"""Lesion around the target: a ball or an ellipsoid, in the plane or in space, that moves with the target."""
+"""Lesion around the target: a ball or an ellipsoid that moves with the target, in the plane or in space."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lesion:
-    """A lesion around the target: an ellipsoid of all points x with ‖axes⁻¹ (x - target)‖ <= 1.
+    """A lesion around the target: the ellipsoid of all points x with ‖axes⁻¹ (x - target)‖ <= 1.
 
-    axes: matrix whose columns are the semi-axes [m], (dim, dim); for a ball, its radius times the identity
+    axes: matrix whose columns are the semi-axes [m], (dim, dim). For a ball, it is the identity times the radius.
     Raises ValueError if the semi-axes do not span the plane or space.
     """
 
@@ -52,14 +52,14 @@ class Lesion:
         return np.ascontiguousarray(np.linalg.inv(self.axes))
 
     def contains(self, offsets: Floats) -> NDArray[np.bool_]:
-        """Whether points at these offsets from the target [m], (n, dim), lie in the lesion, (n,)."""
+        """Whether points lie in the lesion, (n,); offsets: points relative to the target [m], (n, dim)."""
         return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
 
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
         """Length of the part of each segment that lies in the lesion [m], (n,).
 
         offsets: middles of the segments relative to the target [m], (n, dim)
-        axis: unit vector along all segments, (dim,); length_m: their common length [m]
+        axis: unit vector along all segments, (dim,); length_m: common length of the segments [m]
         """
         x, w = offsets @ self.to_ball.T, self.to_ball @ axis
         squared = w @ w

@@ -1,4 +1,4 @@
-"""The needle: its notch, definition of a hit, uncertainty of its tip, position and speed."""
+"""The needle: its notch, its definition of a hit, the uncertainty of its tip, its position and speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine, in the computation of depth, of a tracked needle's angle to the stated direction; choice."""
+"""Least cosine of the angle between tracked and stated direction that the computation of depth uses; choice."""
 
 
 class Hit(StrEnum):
@@ -21,7 +21,7 @@ class Hit(StrEnum):
     NOTCH = "NOTCH"
     """The middle of the notch."""
     CORE = "CORE"
-    """At least core_m of the notch, and thus of the tissue core that it cuts."""
+    """A length of at least core_m of the notch, and so of the tissue core that the notch cuts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Needle:
     bending_sd: standard deviation of the tip across the needle due to bending, divided by the depth [m/m]; source:
         0.9 mm at 45 mm, the mean deflection of a biopsy gun in a phantom, [deflection]
 
-    In patients needles bend more, see `docs/guidance.md`.
+    Needles bend more in patients, see `docs/guidance.md`.
     """
 
     hit: Hit = Hit.NOTCH
@@ -61,21 +61,21 @@ class Needle:
 
     @property
     def reach_m(self) -> float:
-        """Distance from the tip back to the point of the needle that has to hit [m]."""
+        """Distance from the tip back to the middle of the notch [m]; 0 if the tip has to hit."""
         return 0.0 if self.hit is Hit.TIP else self.notch_offset_m + 0.5 * self.notch_length_m
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """Length of the notch, and length of it that must lie in the lesion [m]; both are 0 if a point has to hit."""
+        """Length of the notch, and least length of the core in the lesion [m]; both are 0 if a point has to hit."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Variance of the tip in every direction [m²], and variance by bending divided by the squared depth [1]."""
+        """Variance of the tip in every direction [m²], and variance due to bending divided by the squared depth [1]."""
         return self.tip_sd_m**2, self.bending_sd**2
 
     def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
-        """Covariance of the tip [m²], (dim, dim), for a needle along the unit vector axis, (dim,), at a depth [m]."""
+        """Covariance of the tip [m²], (dim, dim), at a depth [m]; axis: unit vector along the needle, (dim,)."""
         every, across = self.spread
         dim = len(axis)
         return every * np.eye(dim) + across * depth_m**2 * (np.eye(dim) - np.outer(axis, axis))
@@ -83,7 +83,7 @@ class Needle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Insertion:
-    """A needle's entry, direction, speed and present depth.
+    """Entry, direction, speed and present depth of a needle.
 
     entry: point where the needle enters the tissue [m], (dim,)
     axis: unit vector along the needle, (dim,); a vector of another length is normalised
@@ -114,9 +114,9 @@ class Insertion:
         """The insertion of a needle whose tip and direction a tracker has measured.
 
         tip: measured position of the tip [m], (dim,); axis: measured direction, of any length, (dim,)
-        The skin is the plane through this insertion's entry, perpendicular to its axis. If the tip is in front of this
-        plane, the depth is 0. If the needle is tilted by more than 60 degrees from this axis (`STEEP`), its depth is
-        computed as at 60 degrees. Raises ValueError for a direction without length.
+        The skin is the plane through this insertion's entry, perpendicular to this insertion's axis. If the tip is in
+        front of the skin, the depth is 0. If the measured direction deviates by more than 60 degrees from this
+        insertion's axis, the depth is computed as for 60 degrees. Raises ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

@@ -1,4 +1,4 @@
-"""Constant-speed Kalman filter for a tracked needle: position of its tip, and time of its arrival.
+"""Constant-speed Kalman filter for a tracked needle: position of the tip, and time of the tip's arrival.
 
 The state x = (p, s) is the tip's position and its speed along a line of direction d: dp/dt = s d + bending across the
 line, ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
@@ -34,7 +34,7 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """Time time_s at which the tip reaches a depth [s], and its standard deviation sd_s to first order [s]."""
+    """Arrival of the tip at a depth: time time_s [s], and standard deviation sd_s of this time to first order [s]."""
 
     time_s: float
     sd_s: float
@@ -44,9 +44,8 @@ class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
     entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
-    State: time_s, time of the estimate [s], None before `predict`; x, (dim + 1,), and P, (dim + 1, dim + 1), mean and
-    covariance of the tip [m] and of its speed along the line [m/s]; nis, that of the last measurement.
-
+    State: time_s, time of the estimate [s], None before `predict`; x and P, mean and covariance of tip [m] and speed
+    along the line [m/s], (dim + 1,) and (dim + 1, dim + 1); nis, normalised innovation squared of the last measurement.
     Raises ValueError for a direction without length.
     """
 
@@ -65,24 +64,24 @@ class NeedleTracker:
 
     @property
     def depth(self) -> tuple[float, float]:
-        """Depth of the tip beyond the entry along the line [m], and its standard deviation [m]."""
+        """Depth of the tip beyond the entry, measured along the line [m], and standard deviation of the depth [m]."""
         d = self.direction
         return float((self.x[:-1] - self.entry) @ d), float(np.sqrt(d @ self.P[:-1, :-1] @ d))
 
     @property
     def speed(self) -> tuple[float, float]:
-        """Speed along the line [m/s], and its standard deviation [m/s]."""
+        """Speed of the tip along the line [m/s], and standard deviation of the speed [m/s]."""
         return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
 
     def predict(self, time_s: float) -> None:
-        """Predict to this time [s]; raises ValueError if it is earlier than the last time, or not finite."""
+        """Predict the tip at a time [s]; raises ValueError if this time is before the last time, or not finite."""
         self.x, self.P = self._ahead(time_s)
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
-        """Predicted tip at a later time [m], (dim,), and its covariance [m²]; the state does not change.
+        """Predicted tip at a later time [m], (dim,), and its covariance [m²], (dim, dim). The state does not change.
 
-        Raises ValueError before the first measurement, and if the time is before the present one or not finite.
+        Raises ValueError before the first measurement, and if the time is before the present time or not finite.
         """
         if self.time_s is None:
             raise ValueError("tip_at: expected a measurement first, found none")
@@ -93,7 +92,7 @@ class NeedleTracker:
         """Update with a measured position of the tip at the present time [m], (dim,).
 
         cov: covariance of the measured position [m²], (dim, dim)
-        The first position initialises the filter. Raises ValueError for other shapes and before `predict`, and
+        The first position initialises the filter. Raises ValueError for other shapes and before `predict`. Raises
         CovarianceError if the innovation covariance is not positive definite.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
@@ -114,9 +113,10 @@ class NeedleTracker:
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """Time at which the tip reaches this depth [m]; None if the tip never does, or is already deeper.
+        """Time at which the tip reaches a depth [m]; None if the tip does not move forward or is already deeper.
 
-        The standard deviation of the time is that of the depth predicted for this time, divided by the speed.
+        The standard deviation of the time is the standard deviation of the predicted depth at this time, divided by the
+        speed.
         """
         depth, _ = self.depth
         speed, _ = self.speed

@@ -12,9 +12,10 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """An obstacle such as a rib or a vessel: all points within radius_m of a segment; a ball if both ends are equal.
+    """An obstacle such as a rib or a vessel: all points within radius_m of a segment.
 
-    start, end: ends of the segment [m], (dim,); margin_m: least distance of a needle from the obstacle's surface [m]
+    start, end: ends of the segment [m], (dim,), equal for a ball
+    margin_m: least distance between a needle and the obstacle's surface [m]
     """
 
     name: str
@@ -35,14 +36,14 @@ class Obstacle:
 
 
 def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> Obstacle:
-    """An obstacle that is a ball around a centre [m], (dim,)."""
+    """An obstacle in the form of a ball with a given centre [m], (dim,)."""
     return Obstacle(name, centre, centre, radius_m, margin_m)
 
 
 def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radius_m: float = 0.0) -> Floats:
     """Distance of each needle from the margin of each obstacle [m], (n, n_obstacles); negative inside the margin.
 
-    starts, ends: ends of the needles [m], (n, dim); radius_m: radius of all needles [m]
+    starts, ends: ends of the needles [m], (n, dim); radius_m: radius of every needle [m]
     """
     rows = [
         segment_distances(starts, ends, one.start, one.end) - one.radius_m - one.margin_m - radius_m
@@ -52,9 +53,9 @@ def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radi
 
 
 def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) -> Floats:
-    """Distance of each of n segments from one given segment [m], (n,).
+    """Distance of each of n segments from one other segment [m], (n,).
 
-    starts, ends: ends of the n segments [m], (n, dim); start, end: ends of the given segment [m], (dim,)
+    starts, ends: ends of the n segments [m], (n, dim); start, end: ends of the other segment [m], (dim,)
     """
     u, v, w = ends - starts, end - start, starts - start
     a, b, c = np.einsum("nd,nd->n", u, u), u @ v, v @ v

@@ -1,8 +1,8 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
 Usually no short force (a poke) acts on the tissue before the needle arrives. A single Gaussian would be too wide if no
-poke acts, and too narrow if one does. So the path is a mixture of three cases: (1) no poke acts, and no slow force
-becomes stronger; (2) a poke acts, or a slow force becomes stronger; (3) a node is led, that is, pulled along.
+poke acts, and too narrow if a poke acts. The path is therefore a mixture of three cases: (1) no poke acts, and no slow
+force becomes stronger; (2) a poke acts, or a slow force becomes stronger; (3) a node is led: a force drags it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CYCLE_S = 1.0 / 30.0
 """Step between two times of the tables [s]; choice."""
 
 TURNED = 0.35
-"""Largest rotation of a spring from its direction at rest at which the tables are valid [rad]; measured:
+"""The tables are valid if no spring has turned by more than this from its direction at rest [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
@@ -41,7 +41,7 @@ MOST_S = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathParts:
-    """Path as a Gaussian mixture at each time: weights (k, c), means [m] (k, c, dim), covs [m²] (k, c, dim, dim)."""
+    """Path as a Gaussian mixture at k times: weights (k, c), means [m], (k, c, dim), covs [m²], (k, c, dim, dim)."""
 
     weights: Floats
     means: Floats
@@ -79,11 +79,11 @@ class TargetPath:
                 )
 
     def widened(self, cov: Floats) -> TargetPath:
-        """The path with a further error that is constant in time and has this covariance [m²], (dim, dim)."""
+        """The path with an additional error that is constant in time, with this covariance [m²], (dim, dim)."""
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
-        """The path, shifted by a displacement [m], (dim,) or (k, dim), of this covariance [m²], (dim, dim)."""
+        """The path after a shift [m], (dim,) or (k, dim); cov: covariance of the shift [m²], (dim, dim)."""
         parts = self.mixture
         each = np.expand_dims(by, -2)
         mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
@@ -91,7 +91,7 @@ class TargetPath:
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:
-        """Mixture: weights (k, c), means relative to the overall mean [m] (k, c, dim), covariances (k, c, dim, dim)."""
+        """Mixture: weights (k, c), means minus overall mean [m], (k, c, dim), covariances [m²], (k, c, dim, dim)."""
         if self.mixture is None:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
@@ -99,21 +99,21 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the target, without the constant error of its stated offset."""
+    """Mean [m], (dim,), and covariance [m²], (dim, dim), of the target without the error of its stated offset."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
-    """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target, predicted by the breathing model.
+    """Means [m], (k, dim), and covariances [m²], (k, dim, dim), of the target, predicted by the breathing model.
 
-    They include the constant error of the target's stated offset, which `breathing_track` omits.
+    The constant error of the target's stated offset, which `breathing_track` omits, is added.
     """
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
-    """The mixture of two paths at the same times, with its mean and covariance.
+    """Mixture of two paths at the same times, with its mean and covariance.
 
     probability: probability of the first path at each time [1], (k,)
     """
@@ -138,30 +138,30 @@ def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, set
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time until the part of the needle that has to hit is distance_m beyond the entry [s]; 0 if it is farther."""
+    """Time until the part of the needle that has to hit is distance_m [m] beyond the entry [s]; 0 if it is there."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables for predictions up to this time ahead [s]; they depend on the filter's model, not on its posterior."""
+    """Tables for predictions over the next ahead_s [s]. They depend on the filter's model, not on its posterior."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
 def _times_until(ahead_s: float, cycle_s: float) -> int:
-    """Number of points in time, the first one now and the others cycle_s apart, that cover the next ahead_s seconds."""
+    """Number of times with an interval of cycle_s, from now on, that cover the next ahead_s."""
     return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The predicted path, a mixture, at all times of the tables; raises ValueError before the filter's first frame."""
+    """The predicted path, as a mixture, at all times of the tables; ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
     """The predicted path from the first to the last of the requested times [s], (k,).
 
-    If the tables are valid, the path comes from them and has their times; these begin at the filter's time. Otherwise
-    it comes from the filter and has the requested times.
+    If the tables are valid, the result is the tables' path at the tables' times, which begin at the filter's time.
+    Otherwise the filter predicts the path at the requested times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -172,11 +172,11 @@ def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -
 
 
 _KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
-"""Tables of each filter for which `kept_path` was called, as long as the filter exists."""
+"""Tables for each existing filter for which `kept_path` was called."""
 
 
 def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """As `path_near_rest`, with cached tables; they are computed again if the requested times exceed them."""
+    """As `path_near_rest`, with cached tables. If the requested times exceed the tables, new tables are computed."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
     if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
@@ -189,7 +189,7 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
 
 @one_blas_thread()
 def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> TargetPath:
-    """The path of `path_by_tables`, at its first n times."""
+    """The path of `path_by_tables` at the first n times."""
     times, cases = tables.times(tissue)[:n], [tuple(each[:n] for each in case) for case in tables.parts(tissue)]
     _, means, covs = cases[-1]
     return TargetPath(times, means, covs, _mixture(cases))
@@ -205,10 +205,10 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture from nested cases: probability (k,), means (k, dim), covariances (k, dim, dim) of each.
+    """Mixture from nested cases; each case has a probability (k,), means (k, dim) and covariances (k, dim, dim).
 
-    Each case includes the case before it; the last case is certain. Each part of the mixture is a case minus the case
-    before it.
+    Each case includes the previous one, and the last case is certain. A part of the mixture is what a case adds to the
+    previous case.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

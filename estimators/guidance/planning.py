@@ -1,8 +1,8 @@
-"""Planning of needle paths: straight paths ranked by the probability that the tip ends in the lesion.
+"""Planning of needle paths: straight paths, ranked by the probability that the tip ends in the lesion.
 
 The needle displaces the target. This displacement u = C F is predicted by the tissue's linear response to the needle's
-forces at arrival. C contains the rows of the inverse stiffness matrix at rest that belong to the target [dimaio2003].
-F contains the cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
+forces at arrival. C contains the target's rows of the inverse stiffness matrix at rest [dimaio2003]. F contains the
+cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
 `dynamics.needle.loads`. Each path aims at the displaced target. Obstacles are assumed to be at rest.
 """
 
@@ -21,17 +21,17 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
-"""Number of fixed-point iterations that find the displaced target; numerical: the error is 0.3 µm on the phantom, and
-half or twice as many iterations change no hit probability by 0.1 %."""
+"""Number of fixed-point iterations that find the displaced target; numerical: the error for the phantom is 0.3 µm. Half
+or twice as many iterations change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared and shown. If two are equal, the path with more clearance ranks
-first. On the phantom the best path is the same with two to six decimals."""
+"""Number of decimals with which hit probabilities are compared and shown. If two paths have equal probabilities, the
+path with more clearance ranks first. For the phantom, two to six decimals give the same best path."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """Ball to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival, and its radius [m]."""
+    """A ball to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; its radius [m]."""
 
     mean: Floats
     cov: Floats
@@ -42,13 +42,13 @@ class PlannedTarget:
 class PlannedNeedle:
     """Needle of a plan; `dynamics.NeedleMechanics` defines its forces.
 
-    radius_m: radius of the shaft [m]; source: 16 gauge, the usual core needle
+    radius_m: radius of the shaft [m]; source: 16 gauge, a common core needle
     cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N in bovine liver, rounded, [okamura2004]
     friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between 11 N/m for sliding
         and 18 N/m for sticking in bovine liver, [okamura2004]
     reach_m: width of the kernel that distributes a force over nodes [m]; choice
     force_sd: relative standard deviation of the forces; choice
-    tip_sd_m: standard deviation of the tip's deviation from its path, per axis [m]; source: plan.toml, by default
+    tip_sd_m: standard deviation, on each axis, of the tip's distance from its path [m]; source: plan.toml, by default
         0.9 mm at 45 mm, rounded, the mean deflection of a biopsy gun in a phantom, [deflection]
     """
 
@@ -83,7 +83,7 @@ class Skin:
         object.__setattr__(self, "normal", self.normal / length)
 
     def entries(self, n: int) -> Floats:
-        """About n points in the region [m], (n, dim): in the plane on a straight line, in space on a grid."""
+        """About n points in the region [m], (n, dim): on a straight line in the plane, on a grid in space."""
         if len(self.start) == 2:
             return self.start + np.linspace(0.0, 1.0, n)[:, None] * (self.end - self.start)
         sides = np.abs(self.end - self.start)
@@ -96,7 +96,7 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Paths with predicted results, one per row, in the order in which they were given.
+    """Needle paths with predicted results, in the order in which they were given.
 
     entries, tips: ends of each path [m], (n, dim); directions: unit vectors along the paths, (n, dim)
     lengths: lengths of the paths [m], (n,)
@@ -106,8 +106,8 @@ class Plan:
     hits: probability that the tip ends in the lesion, (n,)
     clearance: least distance from the margin of an obstacle [m], (n,)
     angles: angle between each path and the skin's normal [rad], (n,)
-    reasons: for each path the reasons for its rejection; empty if the path is allowed
-    order: rows from the best path to the worst, the allowed paths first, (n,)
+    reasons: reasons why each path is rejected; empty for an allowed path
+    order: indices of the paths from the best to the worst, all allowed paths first, (n,)
     """
 
     entries: Floats
@@ -125,17 +125,17 @@ class Plan:
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """Which paths are allowed, (n,)."""
+        """Whether each path is allowed, (n,)."""
         return np.array([not reasons for reasons in self.reasons], dtype=bool)
 
     @property
     def best(self) -> int | None:
-        """Row of the best path; None if all are rejected."""
+        """Index of the best path; None if all paths are rejected."""
         return int(self.order[0]) if self.allowed.any() else None
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """Displacement of the target per unit force on each free coordinate, about rest [m/N], (dim, n_free dim)."""
+    """Displacement of the target per unit force on each free coordinate, near rest [m/N], (dim, n_free dim)."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -145,7 +145,7 @@ def needle_displacement(
 ) -> Floats:
     """Displacement of the target by each of n needles [m], (n, dim).
 
-    C: the target's `compliance` [m/N], (dim, n_free dim); tips, entries: ends of the needles [m], (n, dim)
+    C: `compliance` of the target [m/N], (dim, n_free dim); tips, entries: ends of the needles [m], (n, dim)
     """
     to, from_ = np.asarray(tips, dtype=float), np.asarray(entries, dtype=float)
     along = to - from_
@@ -170,7 +170,7 @@ def candidate_paths(
     """Entries and tips of candidate paths [m], (n n_aims, dim) each: n_aims paths from each entry.
 
     entries: [m], (n, dim); n_aims: an odd number. One path aims at the displaced target's centre. The others aim at
-    points up to 0.6 radii from it: in the plane on both sides, in space all around.
+    points up to 0.6 radii from it: on both sides in the plane, all around in space.
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)
@@ -202,7 +202,7 @@ def plan(
 ) -> Plan:
     """Evaluate and rank straight paths from entries to tips [m], (n, dim), such as those of `candidate_paths`.
 
-    Raises ValueError for shapes that do not match and for a path without length; NetworkError without a rest shape.
+    Raises ValueError if shapes differ or a path has no length. Raises NetworkError if there is no rest shape.
     """
     along = tips - entries
     lengths = np.linalg.norm(along, axis=1)

@@ -1,4 +1,4 @@
-"""Displacement of the target by the needle before it arrives; advice aims at the displaced target."""
+"""Displacement of the target by the needle before the needle arrives; advice aims at the displaced target."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from estimators.process.target import TargetPoint, target_map
 class NeedlePush:
     """Predicted displacement of the target by a needle's forces, to first order about rest [dimaio2003].
 
-    If the needle is already inside, only the displacement by the rest of the insertion is predicted: the marks show
-    the displacement so far. A body without support moves as a whole, which a static response does not describe; for
-    such a body no displacement is predicted.
+    If the needle is already inside, only its further displacement is predicted, because the marks show the displacement
+    so far. A body without support moves as a whole, which a static response does not describe. No displacement is
+    predicted for such a body.
 
     target: a node's name or a point of the tissue; needle: constants of the needle's forces
     """
@@ -33,7 +33,7 @@ class NeedlePush:
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """Further displacement of the target until the tip is as deep as the target at rest [m], (dim,)."""
+        """Further displacement of the target [m], (dim,), until the tip is as deep as the target at rest."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)
@@ -44,6 +44,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """The path with the displacement by the needle; the covariance includes the uncertainty of its forces."""
+        """The path after the needle's displacement, with the uncertainty of the needle's forces in its covariance."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

@@ -17,12 +17,12 @@ class AdviceSettings:
     worth: least gain in hit probability that justifies waiting; choice
     horizon_s: time from now to the latest start of an insertion [s]; choice
     step_s: interval between start times [s]; choice
-    stale_s: age above which an estimate gives no guidance [s]; choice
-    coasting_s: time without any mark above which an estimate gives no guidance [s]; choice
-    needle_s: time without a new pose above which a tracked needle counts as not visible [s]; choice: ten poses at 10 Hz
-    overshot_m: distance of the tip beyond the aim above which the needle has to be retracted [m]; choice
+    stale_s: largest age of an estimate that may be used [s]; choice
+    coasting_s: longest time without any mark for which an estimate may be used [s]; choice
+    needle_s: longest time without a new pose of a needle that counts as visible [s]; choice: ten poses at 10 Hz
+    overshot_m: largest distance of the tip beyond the aim without advice to retract the needle [m]; choice
     abort: after GO, a needle inside has to stop if its hit probability is below abort times go; choice
-    abort_s: longest time from GO to the entry, and time for which advice must last before it ends ABORT [s]; choice
+    abort_s: longest time from GO to a permitted entry; time for which advice must last to end ABORT [s]; choice
     """
 
     go: float = 0.9
@@ -48,9 +48,9 @@ class AdviceSettings:
 
 
 def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
-    """The reason why advice must not use an estimate at this time [s]; None if it may.
+    """The reason why advice must not use an estimate at a time [s]; None if advice may use it.
 
-    seen_s: time of the last mark used [s], None if none was used
+    seen_s: time of the last used mark [s]; None if no mark was used
     """
     age = now_s - estimate.time_s
     unseen = np.inf if seen_s is None else now_s - seen_s

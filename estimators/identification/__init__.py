@@ -1,6 +1,6 @@
-"""Estimation of the tissue's constants and of the discrepancy's level from recordings.
+"""Estimation of a tissue's constants and of the discrepancy's level from recordings.
 
-Quantities that are estimated once belong here.
+Quantities that are estimated once, not in each frame, belong here.
 """
 
 from estimators.identification.budget import Budget, IdentificationError, Workers

@@ -1,4 +1,4 @@
-"""Limits of an estimation from a recording: time and processes, and its exceptions."""
+"""Limits of an estimation from a recording: time, number of processes, exceptions."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""Function like `map`, for example the one of a process pool; its arguments must be picklable."""
+"""Function like `map`, for example the map function of a process pool, whose arguments must be picklable."""
 
 UNLIMITED = float("inf")
 """Time limit that is never reached."""
 
 
 class IdentificationError(ValueError):
-    """Error for a recording from which nothing can be estimated; the message gives the reason."""
+    """Error for a recording from which nothing can be estimated. The message gives the reason."""
 
 
 def too_short(limit: Budget) -> IdentificationError:
@@ -31,7 +31,7 @@ class OutOfTimeError(Exception):
 class Progress:
     """Completed share of a search: number of processed frames, divided by the expected number.
 
-    A frame counts when this process has processed it or, for a pass in another process, when the pass returns.
+    A frame in this process counts when it is processed. Frames in another process count when their pass returns.
 
     State: `seen`, number of frames counted; `returned`, number of frames of the passes that have returned.
     """
@@ -46,16 +46,16 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count the n_frames frames of passes that have returned, unless `frame` has counted them."""
+        """Count the frames of passes that have returned; frames that `frame` has counted do not count twice."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)
 
 
 class Budget:
-    """A time limit, counted from construction on.
+    """A time limit that begins at construction.
 
-    State: start time, by a monotonic clock.
+    State: start time on a monotonic clock.
     """
 
     def __init__(self, seconds: float = UNLIMITED, clock: Callable[[], float] = time.monotonic) -> None:
@@ -70,13 +70,13 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """A budget with the same limit whose `check` also calls `on_check`, but only in this process."""
+        """A budget with the same limit. In this process, its `check` also calls `on_check`."""
         some = self.part(1.0)
         some._on_check = on_check
         return some
 
     def part(self, share: float) -> Budget:
-        """A budget with the same start, limited to a share of this budget's time."""
+        """A budget with the same start and a share of this budget's time."""
         some = Budget(share * self.seconds, self._clock)
         some._began = self._began
         return some

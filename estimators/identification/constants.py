@@ -1,8 +1,8 @@
 """Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
-Gauss-Newton on the innovations of hidden marks. The filter treats the constants as exact, and computes the sensitivity
-T of each innovation to the errors theta of the constants. An innovation is then T theta plus noise of the innovation
-covariance. Source: [friedland1969].
+The estimation is a Gauss-Newton search on the innovations of hidden marks. The filter treats the constants as exact,
+and computes the sensitivity T of each innovation to errors theta of the constants. An innovation is then T theta plus
+noise with the innovation covariance. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three, but 10 % for rest
-lengths, which are measured in a picture."""
+"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three. For rest lengths,
+which are measured in a picture, 10 %."""
 
 START_SDS = 4.0
-"""Largest distance of a start in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
+"""Largest distance of a start, in prior standard deviations [1]; choice, for narrow priors (shape measured at rest)."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """Settings of the identification.
 
-    kept: share of the target's variance due to the constants that the retained directions have to explain; choice
-    n_starts: number of points from which the search starts, the given constants first; choice
+    kept: the retained directions explain at least this share of the target's variance by uncertain constants; choice
+    n_starts: number of points from which the search starts; the first is the given constants; choice
     """
 
     kept: float = 0.995
@@ -59,7 +59,7 @@ class IdentificationSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentificationResult:
-    """Constants of a network estimated from a calibration recording, in groups with one factor each.
+    """Constants of a network estimated from a calibration recording. Each group of constants has one factor.
 
     network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
@@ -69,11 +69,12 @@ class IdentificationResult:
     passes: number of filter passes; converged: whether the search ended within its tolerance
     residuals: test of the residuals
     log_likelihood, log_likelihood_before: of all hidden marks, with the estimated and with the given constants
-    target_error_m, target_error_before_m: median distance of the predicted target from its mark, likewise [m]
+    target_error_m, target_error_before_m: median distance between the predicted target and its mark [m], with the
+        estimated and with the given constants
     n_starts, n_agreeing: number of starts, and number of starts that led to the estimated constants
-    n_frames: number of frames that were used
+    n_frames: number of used frames
     in_time: False if the time was too short for all frames, starts and passes
-    n_limited: number of directions in which the covariance would exceed the prior and was limited to it
+    n_limited: number of directions in which the covariance was limited to the prior covariance
     """
 
     network: MassSpringNetwork
@@ -107,14 +108,14 @@ class IdentificationResult:
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Which groups keep the given values because the recording does not determine them, (n,)."""
+        """Whether each group keeps its given values because the recording does not determine them, (n,)."""
         return np.asarray(self.change == 0.0)
 
     def identifiable(self) -> tuple[Floats, Floats]:
         """Ratio of posterior to prior variance along each direction, largest first, (n,); directions as rows, (n, n).
 
         Directions refer to the logs of the constants, in prior standard deviations. If a ratio is above 0.5, the
-        recording contains less information on the direction than the prior.
+        recording contains less information on the direction than the prior does.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -136,14 +137,14 @@ def identify_constants(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
-    """Identify a network's constants of the kinds in prior_sd from a recording, on a log scale.
+    """Identify constants of a network from a recording; prior_sd: prior standard deviation of the log, for each kind.
 
     frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
     rests_as_drawn: whether the drawn shape was measured at rest, see `group_prior_sd`
     spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
-    workers: `map`, or that of a pool of processes; `advance` is called with the completed share
+    workers: `map`, or the map function of a pool of processes; advance: called with the completed share
     Raises IdentificationError if the target has no mark or is the only marked node, if the time is too short for any
-    result, and if the filter fails numerically from all starts.
+    result, or if the filter fails numerically from all starts.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} in a frame, found it in none of {len(frames)} frames")
@@ -161,10 +162,10 @@ def identify_constants(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """Result of the search from all starts.
+    """Result of the searches from all starts.
 
     before: the pass with the given constants; n_agreeing: number of starts that led to the best constants
-    used: the frames that were used; left_open: ambiguity of the search in prior units, (n, n)
+    used: the used frames; left_open: ambiguity of the search in prior units, (n, n)
     """
 
     best: Optimum
@@ -178,10 +179,10 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """Search from several starts with a part of the frames, then from the best result with all frames.
+    """Search from several starts with a part of the frames, then search from the best result with all frames.
 
-    If the given constants are more probable than this result with all frames, the last search starts from them. Raises
-    OutOfTimeError.
+    With all frames, if the given constants are more probable than the best result, the second search starts from them.
+    Raises OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -205,7 +206,7 @@ def _searched(
     if len(screened) < len(used):
         try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
-            # the best constants for a part, which begins in motion, may be less probable for all frames than the given
+            # the best constants for a part, which begins in motion, may be worse for all frames than the given ones
             begins = most_probable([there, given])
             best, before = climbed(of_all, begins, problem.sd), given.found
             if not best.converged:
@@ -278,10 +279,10 @@ def principal_uncertainty(
     *,
     kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """An uncertainty, reduced to the few directions that explain its effect on the target; it needs no target marks.
+    """Reduce an uncertainty to the few directions that explain its effect on the target. Target marks are not needed.
 
-    The directions are the principal axes of its contribution to the target's variance, summed over the frames. The
-    smallest axes, which together contribute less than 1 - `IdentificationSettings.kept`, are omitted.
+    The directions are the principal axes of the uncertainty's contribution to the target's variance, summed over the
+    frames. The smallest axes, which together contribute less than 1 - `IdentificationSettings.kept`, are omitted.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target
@@ -290,7 +291,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty, reduced to the principal axes of its effect, (n, n), that explain the share `kept`."""
+    """Reduce an uncertainty to the principal axes of its effect (n, n) that explain the share `kept`."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -1,7 +1,7 @@
 """Test which constants a recording determines; the others keep their given values and uncertainty.
 
-The variance of a constant is the posterior variance plus the ambiguity of the search. This ambiguity is the mean square
-distance between results of equal likelihood, plus the square of the last step if the search did not finish.
+The variance of a constant is the posterior variance plus the ambiguity of the search. The ambiguity is the mean square
+distance between results of equal likelihood. If the search did not finish, the square of its last step is added.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from estimators.identification.residuals import within_prior
 from estimators.identification.search import Optimum
 
 MAX_VARIANCE_LEFT = 0.5
-"""Ratio of posterior to prior variance above which a combination of constants is undetermined: the recording has less
-information on it than the prior; choice."""
+"""Ratio of posterior to prior variance above which a combination of constants is undetermined; choice. Above this
+ratio, the recording contains less information on the combination than the prior does."""
 
 LEAST_PART = 0.05
-"""Squared projection of a constant's axis on the determined combinations below which the constant keeps its value;
-choice: if only the sum of twenty equal constants is determined, it is 0.05 for each of them."""
+"""If the squared projection of a constant's axis on the determined combinations is below this, the constant keeps its
+value; choice: if only the sum of twenty equal constants is determined, the projection is 0.05 for each constant."""
 
 ALIKE = 0.1
-"""Difference of log posterior per innovation below which two results explain a recording equally well; choice: the
-difference for a model whose innovations are a fifth larger or smaller than stated."""
+"""If the log posteriors of two results differ by less than this per innovation, they explain a recording equally well;
+choice: the difference for a model whose innovations are a fifth larger or smaller than stated."""
 
 
 def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:
-    """Mean square distance of equally good results from the best one, (n, n), in prior standard deviations."""
+    """Mean square distance between the best result and equally good ones, (n, n), in prior standard deviations."""
     n_innovations, times = float(best.found.dof.sum()), best.times
     ways = [one.theta - best.theta for one in ends if best.at(times) - one.at(times) <= ALIKE * n_innovations / times]
     return np.mean([np.outer(way, way) for way in ways], axis=0)
 
 
 def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, int]:
-    """Estimated constants, (n,), of which undetermined combinations keep the given value 0; their covariance, (n, n).
+    """Constants theta (n,) and their covariance (n, n) after undetermined combinations are reset to the given value 0.
 
-    Both are in prior standard deviations. A constant of which almost nothing is determined keeps its given value; the
+    Both are in prior standard deviations. A constant of which almost nothing is determined keeps its given value. The
     others take their most probable values under this condition. The covariance includes the squared change of theta.
     The third result is the number of directions in which the prior limits the covariance, see `within_prior`.
     """
@@ -52,6 +52,6 @@ def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, in
 
 
 def _determined(cov: Floats) -> Floats:
-    """The determined combinations, columns (n, n_determined); cov: covariance in prior standard deviations, (n, n)."""
+    """Determined combinations of constants as columns (n, n_determined); cov (n, n): in prior standard deviations."""
     left, directions = np.linalg.eigh(cov)
     return np.asarray(directions[:, left <= MAX_VARIANCE_LEFT])

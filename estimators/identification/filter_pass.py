@@ -1,8 +1,9 @@
 """One pass of the filter through a recording: predictions of the hidden marks, and their sensitivity to constants.
 
-The filter uses only the marks of the marked nodes, as in tracking. Its predictions are compared with the hidden marks,
-those of all other nodes including the target. The prior of the forces on the marked nodes therefore matters little. If
-the filter used all marks, errors of this prior would look like errors of the constants.
+The filter uses only the marks of the marked nodes, as in tracking. Hidden marks are the marks of all other nodes,
+including the target. The predictions of the hidden marks are compared with their positions. These predictions hardly
+depend on the prior of the forces. If the filter used all marks, errors of this prior would look like errors of the
+constants.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Discrepancy, relative to the body's extent, if the settings do not state one [1]; choice: a level estimated from the
-marks would be too large, because it would also explain wrong constants."""
+"""Level of the discrepancy if the settings do not state a level [1]; choice: a level estimated from the marks would be
+too large, because it would also explain wrong constants."""
 
 SMALL = 1e-3
-"""Factor on the standard deviations of the constants in the filter [1]; numerical: so small that the gains are those
-for exact constants."""
+"""Factor on the standard deviations of the constants in the filter [1]; numerical: so small that the filter's gains
+equal the gains for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +39,11 @@ class Pass:
 
     The log likelihood is composite: a sum over frames that are not independent of each other.
 
-    scores: gradient of the log likelihood along each direction, frame by frame, (n_frames, n)
+    scores: gradient of the log likelihood along each direction, for each frame, (n_frames, n)
     information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
-    nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
+    nis: normalised innovation squared of each frame, (n_frames,); dof: degrees of freedom of nis, (n_frames,)
     effect: sum over the frames of T' T [m²], (n, n), with T the sensitivity of the target's error to each direction
-    target_error_m: median distance between the predicted target and its mark [m]; None if it has no mark
+    target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark
     """
 
     scores: Floats
@@ -60,7 +61,7 @@ class Pass:
 
 
 def failed_pass(n: int) -> Pass:
-    """Pass with zero likelihood and no information, for constants with which the filter fails numerically."""
+    """Pass with likelihood zero and no information, for constants with which the filter fails numerically."""
     none = np.zeros((n, n))
     return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 
@@ -75,8 +76,8 @@ def pass_through(
 ) -> Pass:
     """Run the filter through the frames as if the constants were exact; compute the sensitivity to each direction.
 
-    The covariance of the state with a constant, divided by the constant's variance, is the sensitivity of the state's
-    error to this constant [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
+    The sensitivity of the state's error to a constant is their covariance divided by the constant's variance
+    [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

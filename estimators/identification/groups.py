@@ -21,19 +21,19 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Largest number of springs that each have their own constants if no groups are given: a recording of half a minute
-determines about twenty combinations of constants, and each constant adds a state to the filter."""
+"""Largest number of springs with which each spring has its own constants if no groups are given. A recording of half a
+minute determines about twenty combinations of constants, and each constant adds a state to the filter."""
 
 LEAST_REST = 0.1
-"""Least factor on a rest length if a softer spring has to keep a large tension."""
+"""Least factor on the rest length of a spring that becomes softer but has to keep a large tension."""
 
 SAME_DIGITS = 9
-"""Significant digits to which constants of one kind must agree to count as equal: as many as in a scene file."""
+"""Constants of one kind are equal if they agree to this number of significant digits, as many as in a scene file."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind with one common factor; places: their indices among springs or nodes."""
+    """Constants of one kind with one common factor; places: indices of their springs or nodes."""
 
     kind: str
     places: tuple[int, ...]
@@ -48,11 +48,11 @@ class ConstantGroup:
 def constant_groups(
     network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
 ) -> tuple[ConstantGroup, ...]:
-    """The groups in which positive constants of these kinds are estimated, kind by kind.
+    """Groups of positive constants of these kinds, kind by kind. Constants of a group are estimated with one factor.
 
-    spring_groups: name of each spring's group, (n_springs,), empty for a spring without a group; () for no names
-    Without names, each of up to `MOST_SINGLE` springs has its own group. If there are more springs, those of equal
-    stiffness form a group or, if these groups would be too many, all springs form one. Nodes are grouped alike.
+    spring_groups: group name of each spring, (n_springs,), empty for a spring alone; (): there are no group names
+    If there are no group names and at most `MOST_SINGLE` springs, each spring is a group. For more springs, springs of
+    equal stiffness are a group; if these groups are too many, all springs are one group. The same rule holds for nodes.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -79,20 +79,20 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: relative error of the drawn shape [1]; it limits the prior of a common factor of rest lengths, which changes
-    this shape
+    strain: relative error of the drawn shape [1]. It limits the prior of a factor that several rest lengths have in
+        common.
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """The constants of all groups, group by group, without repetition."""
+    """The constants of all groups, group by group."""
     return tuple(one for group in groups for one in group.parameters)
 
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """All constants that the groups' factors change: those of the groups, and rest lengths as in `scale_groups`."""
+    """All constants that the groups' factors change: the groups' constants, and rest lengths as in `scale_groups`."""
     rest = (Parameter("rest_length", s) for group in groups if _shares("stiffness", group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
@@ -100,8 +100,8 @@ def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
     """The network with the constants of each group multiplied by exp(change), (n_groups,).
 
-    If several springs have a common stiffness, their rest lengths change so that their tensions in the drawn shape stay
-    unchanged. A tissue that rests in this shape therefore rests in it at any stiffness.
+    If a group changes the stiffness of several springs, their rest lengths also change, so that their tensions in the
+    drawn shape stay the same. A tissue that rests as drawn therefore rests as drawn at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)

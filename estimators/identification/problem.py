@@ -16,8 +16,8 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames, those with the most motion, for the search from all starts; choice: fewer frames do not
-contain half an oscillation of the phantom, more take longer. The best result is then improved with all frames."""
+"""Number of consecutive frames with the most motion, for the search from all starts; choice: fewer frames do not
+contain half an oscillation of the phantom. All frames are then used to improve the best result."""
 
 PASSES_A_SEARCH = 6
 """Expected number of filter passes of a search, for the progress and for the number of frames that the time allows."""
@@ -25,7 +25,7 @@ PASSES_A_SEARCH = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Estimation problem of a recording; its unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
+    """Estimation problem of a recording. The unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
 
     sd: prior standard deviation of each log, (n,); nodes: the nodes that may be poked, and the target
     """
@@ -38,7 +38,7 @@ class Problem:
     budget: Budget
 
     def model(self, theta: Floats) -> MassSpringNetwork:
-        """The network with the constants of theta, (n,)."""
+        """The network with the constants that theta describes, (n,)."""
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
@@ -47,17 +47,17 @@ class Problem:
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
     def at(self, theta: Floats, frames: Frames) -> Pass:
-        """Run the filter through frames with the constants of theta. Raises OutOfTimeError."""
+        """Run the filter through frames with the constants that theta describes. Raises OutOfTimeError."""
         model = self.model(theta)
         prior = self.directions(model, np.diag(self.sd))
         return pass_through(model, prior, frames, self.nodes, self.settings, self.budget)
 
     def followed(self, frames: Frames, start: Floats) -> Optimum | None:
-        """Result of the search from a start; None if there is no time for a pass."""
+        """Result of the search from a start; None if the time is too short for a pass."""
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """Number of starts and frames for which the time suffices; one start if the time is too short for several.
+        """Number of starts, at least one, and the frames for which the time suffices.
 
         Raises OutOfTimeError if the time is too short even for one start.
         """

@@ -1,4 +1,4 @@
-"""Test whether innovations are as large as expected; standard errors that account for their correlation."""
+"""Test whether innovations have the expected size; standard errors that account for correlated innovations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEVEL = 0.01
 """Significance level at which residuals are reported as unexplained; choice."""
 
 ROUNDING = 1e-9
-"""Relative excess of a variance over the prior variance that rounding errors may cause; numerical."""
+"""Largest relative excess of a variance over the prior variance that rounding errors cause; numerical."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,9 @@ class ResidualTest:
     """Test of the innovations of the hidden marks, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
-    inflation: largest ratio, over all directions, of a standard error to its value for independent frames [1]
+    inflation: standard error, divided by its value for independent frames; the largest ratio over all directions [1]
     n, n_effective: number of innovations, and number of independent innovations with the same information
-    explained: whether the size is within the sampling error of a right model
+    explained: whether sampling error alone explains the size
     """
 
     size: float
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    The factor is the largest ratio, over directions, of the scores' long-run covariance to the stated information; the
-    prior's information, 1, is added to both. Differs from [pauli2011], which takes the mean ratio: the evidence in one
-    direction may come entirely from errors of the model.
+    It is the largest ratio, over all directions, of the scores' long-run covariance to the stated information; the
+    prior's information, 1, is added to both. Differs from [pauli2011]: that paper takes the mean ratio, but the
+    evidence in one direction may come entirely from errors of the model.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -50,9 +50,9 @@ def times_counted(found: Pass) -> float:
 
 
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
-    """Covariance of constants at the optimum from information and prior, (n, n), and the test of the residuals.
+    """Covariance (n, n) of the constants at the optimum, in prior standard deviations, and the test of the residuals.
 
-    The covariance is in prior standard deviations. The information is divided by `times_counted`.
+    The covariance is the inverse of the prior information plus the data's information divided by `times_counted`.
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
@@ -68,11 +68,11 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """A covariance of constants, limited by the prior, (n, n), and the number of limited directions.
+    """Covariance of constants, (n, n), limited by the prior, and the number of limited directions.
 
     cov: covariance, (n, n); theta: estimated constants, (n,), both in prior standard deviations
-    The ambiguity of a search has no bound, but the error of the constants has. If the data contain no information, the
-    mean square error of theta is B = 1 + theta theta': the prior variance plus the squared distance from the prior
+    The covariance may contain an unlimited ambiguity of the search. But even if the data contain no information, the
+    mean square error of theta is only B = 1 + theta theta': the prior variance plus the squared distance from the prior
     mean. In each direction, the result is the smaller of cov and B.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
@@ -89,7 +89,7 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:
-    """Covariance, (n, n), of the sum over a series, (k, n), that is correlated over up to n_lags steps.
+    """Covariance, (n, n), of the sum of a series, (k, n), whose terms are correlated over up to n_lags steps.
 
     Source: [newey1987], equation (5).
     """

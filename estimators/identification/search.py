@@ -14,22 +14,22 @@ from estimators.identification.filter_pass import Pass
 from estimators.identification.residuals import times_counted
 
 MOST_PASSES = 24
-"""Largest number of passes of a search; choice: three to eight are usual, more if the given constants are far off."""
+"""Largest number of passes of a search; choice: a search usually takes three to eight, more for a bad start."""
 
 CONVERGED = 0.2
-"""Step below which a search ends, in standard errors of each constant: it adds at most 2 % to the error."""
+"""Step below which a search ends, in standard errors of each constant. It adds at most 2 % to a constant's error."""
 
 AGREEING = 1.0
-"""Standard errors of a constant within which two results agree; results further apart are different solutions."""
+"""Two results agree if each constant differs by less than this number of standard errors."""
 
 LONGEST_STEP = 4.0
 """Largest factor on a Gauss-Newton step [1]; numerical."""
 
 LONGEST_MOVE = 1.0
-"""Longest step of the logarithm of a constant, a factor of e: beyond it the linear model of the step is invalid."""
+"""Longest step of the logarithm of a constant: a factor of e. The linear model of a longer step would be invalid."""
 
 START_SEED = 1
-"""Seed of the scrambled Sobol sequence of starts; with a fixed seed, a recording always gives the same constants."""
+"""Seed of the scrambled Sobol sequence of starts. It is fixed, so that a recording always gives the same constants."""
 
 At = Callable[[Floats], Pass]
 """Function that returns the pass through the recording with constants theta, (n,), in prior standard deviations."""
@@ -39,8 +39,8 @@ At = Callable[[Floats], Pass]
 class Optimum:
     """Result of a search: the best constants theta, (n,), in prior standard deviations.
 
-    found, at_start: the passes with theta and with the constants at the start; passes: number of passes so far
-    converged: whether the next step is below `CONVERGED`; in_time: False if the time ended before the search
+    found, at_start: the pass with theta, and the pass with the constants at the start; passes: number of passes so far
+    converged: whether the next step is below `CONVERGED`; in_time: False if the time ended during the search
     times: factor by which the log likelihood overstates the information of the frames, see `times_counted` [1]
     """
 
@@ -58,7 +58,7 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """Log posterior up to a constant, with the log likelihood divided by the factor `times` [1]."""
+        """Log posterior up to a constant; the log likelihood is divided by the factor `times` [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
@@ -67,7 +67,7 @@ class Optimum:
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
-        """Whether each constant of another search is within `AGREEING` standard errors of this search's."""
+        """Whether each constant of another search differs by less than `AGREEING` standard errors of this search."""
         sd = np.sqrt(np.diag(np.linalg.inv(self.precision)))
         return bool((np.abs(other.theta - self.theta) < AGREEING * sd).all())
 
@@ -87,22 +87,21 @@ def begun(at: At, start: Floats) -> Optimum:
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The search with the highest posterior; all log likelihoods are divided by one factor to be comparable."""
+    """The search with the highest posterior. All log likelihoods are divided by one factor to be comparable."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
 
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
-    """Maximise the posterior from a start; if the time ends first, return the best point so far.
+    """Maximise the posterior from a start. If the time ends first, return the best point so far.
 
-    unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError before the first
-    pass ends.
+    unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError before the first pass ends.
     """
     return climbed(at, begun(at, start), unit)
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """Continue an earlier search from its best point, as `gauss_newton` does."""
+    """Continue a search from its best point, as `gauss_newton` does."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):

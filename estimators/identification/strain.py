@@ -1,4 +1,4 @@
-"""Estimation of the discrepancy, the relative error of the model's displacements, from a recording."""
+"""Estimation, from a recording, of the discrepancy's level: the relative error of the model's displacements."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ STRAINS = (0.002, 0.003, 0.01, 0.03)
 """Levels of the discrepancy that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
-"""Smallest level for a model with guessed constants [1]: the marks do not show how well such a model predicts the
-target; measured: docs/filter.md."""
+"""Smallest level for a model whose constants were not identified [1]; measured: docs/filter.md. The marks do not show
+how well such a model predicts the target."""
 
 REFUTED = 3.0
-"""A level is rejected if its log likelihood is below that of the best level by more than this [1]; choice."""
+"""A level is rejected if its log likelihood is smaller than the largest one by more than this [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,8 +34,8 @@ class TuningResult:
     settings: the settings with the estimated level
     names, values, log_sd: the setting, its value [1], and the standard error of the value's logarithm [1], each (1,)
     log_likelihood: sum over all marks of the log likelihood of each mark, given the other marks of its frame
-    log_likelihood_before: this sum for the level before the estimation
-    n_frames: number of frames that were used; in_time: False if the time was too short for all frames and passes
+    log_likelihood_before: this sum for the given level
+    n_frames: number of used frames; in_time: False if the time was too short for all frames and passes
     """
 
     settings: FilterSettings
@@ -87,15 +87,16 @@ def tune_strain(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Estimate the level of the discrepancy from a recording: the largest of `STRAINS` that the marks do not reject.
+    """Estimate the discrepancy's level from a recording: the largest level of `STRAINS` that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the other marks of its frame, because the joint likelihood
-    hardly depends on how well marks predict a hidden position. All levels have the same prior probability.
+    A level's likelihood is that of each mark given the other marks of its frame, because the joint likelihood hardly
+    depends on how well marks predict a hidden position. All levels have the same prior probability.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
     uncertainty: uncertainty of the constants
-    budget: time limit; workers: `map`, or that of a pool of processes; `advance` is called with the completed share
-    is_identified: whether the constants were identified from the tissue; levels below `UNSEEN` are compared only then
+    budget: time limit; workers: `map`, or the map function of a pool of processes
+    advance: called with the completed share
+    is_identified: whether the constants were identified from the tissue; if not, levels below `UNSEEN` are left out
     Raises IdentificationError if the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
@@ -128,7 +129,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a logarithm with a uniform prior, from its log likelihood at some places."""
+    """Standard deviation of a logarithm with a uniform prior, from its log likelihood at several values."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

@@ -1,4 +1,4 @@
-"""Selection of the consecutive frames with the most motion, if the time is too short for all frames of a recording."""
+"""Selection of the consecutive frames with the most motion, for a recording with more frames than the time allows."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ LEAST_FRAMES = 10
 """Least number of frames for an estimation."""
 
 PROBED = 3
-"""Number of frames of a timed pass; an earlier pass through them, which is not timed, loads the compiled code."""
+"""Number of frames of a timed pass. A pass before it, which is not timed, loads the compiled code."""
 
 TIMED = 3
-"""Number of timed passes, of which the quickest counts; numerical: an interruption by other programs takes longer than
-a few frames, and including it would stop an estimation too early."""
+"""Number of timed passes, of which the fastest counts; numerical. Interruptions by other programs take longer than a
+few frames, and would make the estimation stop too early."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
-    """The frames from the first one with marks."""
+    """The frames, beginning with the first one that has marks."""
     return frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
 
 
 def liveliest(frames: Frames, n: int) -> Frames:
-    """The n consecutive frames with the most motion: the largest sum of squared steps of the marks between frames."""
+    """The n consecutive frames with the most motion: the largest sum of squared mark displacements between frames."""
     if n >= len(frames):
         return frames
     if n < 1:
@@ -47,7 +47,7 @@ def liveliest(frames: Frames, n: int) -> Frames:
 
 
 def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budget) -> float:
-    """Computing time of a pass, per frame [s]: the shortest of `TIMED` passes; 0 if the time is unlimited."""
+    """Computing time per frame [s], from the fastest of `TIMED` passes; 0 if the time is unlimited."""
     if not np.isfinite(budget.seconds):
         return 0.0
     some = frames[:PROBED]
@@ -61,7 +61,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """All frames, or the `liveliest` of them if the time left is too short for n_passes passes through all.
+    """All frames or, if the time left is too short for n_passes passes through all frames, the `liveliest` of them.
 
     frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
     Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.

@@ -1,4 +1,4 @@
-"""Pose error of a camera or tracker from reference marks, correction of marks, and registration of a body.
+"""Pose error of a camera or tracker from reference marks, correction of marks, registration of a body.
 
 A new model of pose motion belongs here.
 """

@@ -1,10 +1,10 @@
-"""Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis about the last move.
+"""Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis about the last sudden move.
 
 A reference mark at x + e is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t) about the centre c
-is the pose error. The calibration errors k, of unit variance, and errors e of the stated places are considered, not
-estimated (Schmidt-Kalman filter); n is noise. A camera in space measures the projection of p into its image. The pose
-drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In each frame a new hypothesis says that the camera was
-moved after the last frame. Hypotheses are weighted by their likelihoods, and pruned.
+is the pose error, and n is noise. The calibration errors k, of unit variance, and the errors e of the stated places are
+considered, not estimated (Schmidt-Kalman filter). A camera in space measures the projection of p into its picture. The
+pose drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In each frame, one more hypothesis assumes that the
+camera was moved after the last frame. Hypotheses are weighted by their likelihoods, and improbable ones are dropped.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR = 5, 1e-3
-"""Largest number of iterations of an update; they end when the motion changes by less than this [m], [rad]: the error
-is then about half the square of the change; numerical."""
+"""Largest number of iterations of an update, and change of the motion below which they end [m], [rad]; numerical. The
+error is then about half the square of the change."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Smallest number of reference marks among which a wrong one can be found: of two, either may be wrong."""
+"""Smallest number of reference marks with which a wrong mark can be found. Of two marks, either may be wrong."""
 
 
 SURE = 10.0
@@ -38,7 +38,7 @@ SURE = 10.0
 class CameraMove:
     """A reported change of a camera's pose.
 
-    time_s: time of the change [s]; distance_m: apparent shift of the reference marks' centre [m]
+    time_s: time of the change [s]; distance_m: apparent shift of the centre of the reference marks [m]
     angle_rad: apparent rotation of the reference marks [rad]
     """
 
@@ -51,9 +51,9 @@ class CameraMove:
 class PoseEstimate:
     """Estimate of the pose error at one time.
 
-    motion: rigid motion from the true positions of points to the measured ones
-    cov: covariance of the error of the translation [m] and of the rotation [rad], (n, n); it includes the effect of
-        errors of the stated places of reference marks
+    motion: rigid motion from the true positions of points to their measured positions
+    cov: covariance of the error of translation [m] and rotation [rad], (n, n), including the effect of errors of the
+        reference marks' stated places
     columns: change of the motion by one standard deviation of each calibration error [m], [rad], (n, n_calibration)
     """
 
@@ -62,17 +62,17 @@ class PoseEstimate:
     columns: Floats
 
     def corrected(self, mark: MarkMeasurement) -> MarkMeasurement:
-        """The mark without the pose error; the last n columns of its `shared` are the uncertainty of the pose."""
+        """The mark without the pose error. The last n columns of its `shared` represent the uncertainty of the pose."""
         turned = self.motion.rotation.T
         shared = turned @ self.seen_shared(mark.position, mark.shared)
         place = self.motion.back(mark.position[None])[0]
         return MarkMeasurement(mark.node, place, _symmetric(turned @ mark.cov @ turned.T), shared)
 
     def seen_shared(self, seen_m: Floats, shared: Floats | None) -> Floats:
-        """Shift of a mark by one standard deviation of each error [m], (dim, n_calibration + n).
+        """Shift of a mark per standard deviation of each shared error [m], (dim, n_calibration + n).
 
         The calibration errors come first, then the errors of the pose. seen_m: position of the mark [m], (dim,)
-        shared: direct effect of the calibration errors on the mark, as in `MarkMeasurement`, (dim, n_calibration)
+        shared: shift that calibration errors alone cause, as in `MarkMeasurement`, (dim, n_calibration)
         """
         J = self.motion.change_of(seen_m[None])[0]
         own = np.zeros((len(seen_m), self.columns.shape[1])) if shared is None else shared
@@ -81,9 +81,9 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hypothesis:
-    """A Gaussian of the motion and of its rate (n,), with covariance P (2 n, 2 n).
+    """Gaussian of the motion (n,) and of its rate (n,), with covariance P (2 n, 2 n).
 
-    columns: change by one standard deviation of each calibration error and of each coordinate of each stated place,
+    columns: change per standard deviation of each calibration error and of each coordinate of each stated place,
         (2 n, n_errors)
     wrong: names of the reference marks that the hypothesis rejects in this frame
     """
@@ -97,21 +97,21 @@ class _Hypothesis:
 
 
 def _as_they_are(points: Floats) -> tuple[Floats, Floats]:
-    """The points [m], (k, dim), as measured values, and their derivatives, which are unit matrices, (k, dim, dim)."""
+    """The points [m], (k, dim), as measured values, and the derivatives of these values: identities, (k, dim, dim)."""
     return points, np.broadcast_to(np.eye(points.shape[1]), (*points.shape, points.shape[1]))
 
 
 class PoseFilter:
     """Filter that estimates the pose error of a camera or tracker, frame by frame.
 
-    places: stated positions of the reference marks [m], (dim,) each, by name
+    places: stated positions of the reference marks by name [m], (dim,) each
     n_calibration: number of columns of the marks' `shared`
     place_sd_m: standard deviation of the error of `places` on each axis [m]
-    seen: measurement function; from points [m], (k, dim), it returns measured values, (k, m), and their derivatives,
-        (k, m, dim). A value that cannot be measured is not finite. Scale the values so that a shift of a point changes
-        the values by about the shift in metres. Default: the points themselves.
+    seen: measurement function. From points [m], (k, dim), it returns measured values, (k, m), and their derivatives,
+        (k, m, dim). A value that cannot be measured is not finite. Scale the values so that a shift of a point by 1 m
+        changes the values by about 1. Default: the measured values are the points themselves.
     State: time_s, time of the state [s], None before the first frame; hypotheses, the most probable first; time of the
-    last mark; motion of the last report; wrong, names of the reference marks rejected in the last frame.
+    last mark; motion at the last report; wrong, names of the reference marks rejected in the last frame.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class PoseFilter:
 
     @property
     def estimate(self) -> PoseEstimate:
-        """Mean and covariance of the pose error over the hypotheses."""
+        """Mean and covariance of the pose error over all hypotheses."""
         first, n = self._hypotheses[0], self.n
         weights = np.exp([one.log_weight for one in self._hypotheses])
         changes = np.array([first.motion.change_to(one.motion) for one in self._hypotheses])
@@ -158,7 +158,7 @@ class PoseFilter:
 
     @property
     def after_move(self) -> PoseEstimate:
-        """Estimate of the pose error under the hypothesis that the camera was just moved."""
+        """Estimate of the pose error under the hypothesis that the camera has just been moved."""
         first, n = self._hypotheses[0], self.n
         return self._pose(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
 
@@ -167,7 +167,7 @@ class PoseFilter:
         return PoseEstimate(motion, _symmetric(cov + by_places @ by_places.T), by_calibration)
 
     def predict(self, time_s: float) -> None:
-        """Predict the state at this time [s]."""
+        """Predict the state at a time [s]."""
         dt = 0.0 if self.time_s is None else time_s - self.time_s
         self.time_s = time_s
         if dt <= 0.0:
@@ -190,7 +190,7 @@ class PoseFilter:
         ]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
-        """Update with the reference marks at the state's time; returns a move of the camera to report, or None."""
+        """Update with the reference marks at the state's time; returns a move that must be reported, or None."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")
         self.wrong = frozenset()
@@ -220,7 +220,7 @@ class PoseFilter:
         return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
 
     def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
-        """A hypothesis updated with marks, except those that are more probably wrong than right."""
+        """The hypothesis, updated with all marks except marks that are more probably wrong than right."""
         s, dim = self.settings, len(marks[0].position)
         found, nis = self._with(one, marks)
         used = list(marks)
@@ -237,7 +237,7 @@ class PoseFilter:
         return found
 
     def _with(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> tuple[_Hypothesis, float]:
-        """A hypothesis updated with all these marks, and their normalised innovation squared."""
+        """The hypothesis, updated with all these marks, and the marks' normalised innovation squared."""
         n, places = self.n, np.array([self.places[mark.node] for mark in marks])
         z = np.array([mark.position for mark in marks])
         dim, C = z.shape[1], one.columns
@@ -279,7 +279,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """The change since the last report, if it is certain and the camera was moved or has drifted far."""
+        """Change of the pose since the last report; None if it is uncertain, or if it is a small drift."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

@@ -1,9 +1,10 @@
-"""Registration: estimation of the rigid motion from drawn points to measured ones.
+"""Registration: estimation of the rigid motion from points of a drawn body to the measured points.
 
-The motion has maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance.
-Newton's method starts from the rotation of [kabsch1976]. Where the likelihood is not convex, Gauss-Newton steps replace
-it. The covariance is that of the linearised motion. In the terms of [fitzpatrick1998], the residuals are fiducial
-registration errors, and `Registration.error_cov` is the covariance of target registration errors.
+The motion has the largest likelihood under independent Gaussian errors of the measured points, each with its own
+covariance. Newton's method starts from the rotation of [kabsch1976]. Where the likelihood is not convex, a Gauss-Newton
+step replaces the Newton step. The covariance of the motion follows from a linearisation. In the terms of
+[fitzpatrick1998], residuals are fiducial registration errors, and `Registration.error_cov` is the covariance of target
+registration errors.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from estimators.arrays import Floats
 from estimators.pose.rigid import GENERATORS, RigidMotion
 
 LARGEST_RAD = 0.2
-"""Largest standard deviation of the rotation about any axis [rad]; choice: the linearised covariance fails above it."""
+"""Largest standard deviation of the rotation about any axis [rad]; choice: above it, linearisation is inaccurate."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Largest number of Newton steps; they end when the squared normalised step is below this share of 1 + chi-square;
-numerical."""
+"""Largest number of Newton steps, and size of the squared normalised step, relative to 1 + chi-square, below which they
+end; numerical."""
 
 ROUNDING = 1e-9
-"""Relative increase of chi-square that rounding explains; a step that increases it by more is halved; numerical."""
+"""Largest relative increase of chi-square by a rounding error. After a larger increase, a step is halved; numerical."""
 
 
 class RegistrationError(ValueError):
@@ -35,11 +36,11 @@ class RegistrationError(ValueError):
 class Registration:
     """Rigid motion fitted to measured points.
 
-    motion: motion from the drawn to the measured points
-    cov: covariance of the error of the translation [m] and of the rotation [rad], (n, n)
-    residuals: measured less moved points [m], (k, dim)
-    residual_covs: covariance of each residual, as the stated covariances predict it [m²], (k, dim, dim)
-    chi_square: sum of the squared residuals, normalised by the covariances of the points [1]
+    motion: motion from the drawn points, in the body's own coordinates, to the measured points
+    cov: covariance of the error of translation [m] and rotation [rad], (n, n)
+    residuals: measured minus moved points [m], (k, dim)
+    residual_covs: covariance of each residual that follows from the points' stated covariances [m²], (k, dim, dim)
+    chi_square: sum of the squared residuals, normalised by the points' covariances [1]
     """
 
     motion: RigidMotion
@@ -55,7 +56,7 @@ class Registration:
 
     @property
     def p_value(self) -> float:
-        """Probability of a `chi_square` at least as large, if the stated covariances are right."""
+        """P-value of `chi_square`: probability of a value at least as large if the stated covariances are right."""
         return float(chi2.sf(self.chi_square, self.degrees))
 
     @property
@@ -65,11 +66,11 @@ class Registration:
 
     @property
     def expected_rms_m(self) -> float:
-        """Root mean square of the residuals [m], as the stated covariances predict it."""
+        """Expected root mean square of the residuals [m], from the stated covariances."""
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration error at each drawn point [m²], (k, dim, dim); drawn: points [m], (k, dim)."""
+        """Covariance of the registration error at points of the drawn body [m²], (k, dim, dim); drawn: points [m]."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 
@@ -86,16 +87,16 @@ def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
 
 
 def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registration:
-    """The most probable rigid motion, without scale or reflection, from drawn points to measured ones.
+    """The most probable rigid motion, without scale or reflection, from the points of a drawn body to measured points.
 
     Parameters
     ----------
     drawn : (k, dim)
         Positions of the points in the body's own coordinates [m].
     measured : (k, dim)
-        The same points in the coordinates of the tracker [m].
+        Positions of the same points in the coordinates of the tracker [m].
     covs : (k, dim, dim)
-        Covariances of the measured positions [m²]; errors of different points are independent.
+        Covariances of the measured positions [m²]. Errors of different points are independent.
 
     Returns
     -------
@@ -104,8 +105,8 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     Raises
     ------
     RegistrationError
-        Fewer than two points in the plane or three in space, or points so close to a line that the rotation about it is
-        uncertain by more than `LARGEST_RAD`.
+        If there are fewer than two points in the plane, or fewer than three points in space. Also if the points are so
+        close to a line that the standard deviation of the rotation exceeds `LARGEST_RAD`.
 
     References
     ----------
@@ -140,9 +141,10 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 
 
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
-    """For each of k points, the registration from the other points, or None if they do not determine a motion.
+    """For each of k points: registration from all other points, or None if these do not determine a motion.
 
-    drawn, measured: positions of the points [m], (k, dim); covs: covariances of the measured ones [m²], (k, dim, dim)
+    drawn, measured: positions of the points [m], (k, dim)
+    covs: covariances of the measured positions [m²], (k, dim, dim)
     """
     found: list[Registration | None] = []
     for k in range(len(drawn)):
@@ -163,7 +165,7 @@ def _kabsch(drawn: Floats, measured: Floats, weights: Floats) -> RigidMotion:
 
 
 def _turn_sd(A: Floats, dim: int) -> float:
-    """Largest standard deviation of the rotation [rad], from the information matrix (n, n); inf if undetermined."""
+    """Largest standard deviation of the rotation [rad], from an information matrix A (n, n); inf if undetermined."""
     of_turn = A[dim:, dim:] - A[dim:, :dim] @ np.linalg.solve(A[:dim, :dim], A[:dim, dim:])
     least = float(np.linalg.eigvalsh(of_turn)[0])
     return 1.0 / np.sqrt(least) if least > 0.0 else np.inf
@@ -173,7 +175,7 @@ def _hessian(A: Floats, motion: RigidMotion, moved: Floats, pulls: Floats) -> Fl
     """Half the second derivative of chi-square with respect to a change of the motion, (n, n).
 
     A: Gauss-Newton approximation of the result, (n, n); moved: moved points, (k, dim)
-    pulls: inverse covariance times residual for each point, (k, dim)
+    pulls: inverse covariance times residual of each point, (k, dim)
     """
     dim, H = moved.shape[1], A.copy()
     G = GENERATORS[dim]

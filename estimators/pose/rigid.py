@@ -23,10 +23,10 @@ GENERATORS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigidMotion:
-    """Rigid motion of points x [m] to R (x - c) + c + t [m].
+    """Rigid motion that maps a point x [m] to R (x - c) + c + t [m].
 
     rotation: R, (dim, dim); translation: t [m], (dim,); centre: c [m], (dim,)
-    A small change has n numbers: first the translation [m], then the rotation [rad], applied from the left.
+    A small change of the motion has n numbers: translation [m], then rotation [rad], applied from the left.
     """
 
     rotation: Floats
@@ -35,15 +35,15 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The identity; centre: centre of the rotations of later changes [m], (dim,)."""
+        """The identity; centre: point about which later changes rotate [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:
-        """The images of points [m], (k, dim)."""
+        """Points after the motion [m], (k, dim)."""
         return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
 
     def back(self, points_m: Floats) -> Floats:
-        """The points whose images are given [m], (k, dim): the inverse motion."""
+        """Points before the motion, from points after the motion [m], (k, dim)."""
         return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
 
     def change_of(self, moved_m: Floats) -> Floats:
@@ -53,7 +53,7 @@ class RigidMotion:
         return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)
 
     def changed(self, change: Floats) -> RigidMotion:
-        """The motion after a change, (n,)."""
+        """The motion after a small change, (n,)."""
         dim = len(self.centre)
         angle = float(np.linalg.norm(change[dim:]))
         turn = np.eye(dim)
@@ -63,7 +63,7 @@ class RigidMotion:
         return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
 
     def change_to(self, other: RigidMotion) -> Floats:
-        """The change from this motion to another, (n,); exact if the two differ by less than half a turn."""
+        """Change from this motion to another, (n,). It is exact if the two motions differ by less than half a turn."""
         turn = other.rotation @ self.rotation.T
         skew = 0.5 * (turn - turn.T)
         axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])

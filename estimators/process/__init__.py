@@ -1,6 +1,6 @@
-"""Motion of a tissue under unknown and known forces; the target's position.
+"""Motion of a tissue under unknown and known forces, and the target's position.
 
-Motion and noise belong here, marks do not.
+Code for motion and process noise belongs here, code for marks does not.
 """
 
 from estimators.process.known_force import ForceHistory, KnownForce

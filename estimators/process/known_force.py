@@ -1,4 +1,4 @@
-"""Known force on the tissue, such as a needle's, evaluated for the steps of a filter's prediction."""
+"""Known force on the tissue, such as the force of a needle, evaluated in the steps of a prediction."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 
 ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
-"""Forces on the free nodes [N], (n_free, dim), constant over the prediction; or a function of time [s] and states.
+"""Forces on the free nodes [N], (n_free, dim), constant during the prediction; or a function of time [s] and states.
 
 The function is called once per step of at most 1/120 s, with the time at the middle of the step and the states
-(..., n_state) at its start. It returns (..., n_free, dim) or (n_free, dim), constant over the step. A friction that
-changes its sign within a step must not depend on the state: it would oscillate."""
+(..., n_state) at its start. It returns the forces during the step, (..., n_free, dim) or (n_free, dim). They must not
+contain a friction that depends on the state and may change its sign within a step: it would oscillate."""
 
 
 class KnownForce:
-    """Known force, evaluated step by step during a prediction.
+    """Known force on the tissue, evaluated step by step during a prediction.
 
     State: time_s, end of the present step [s]; dt, length of this step [s].
     """
@@ -32,11 +32,11 @@ class KnownForce:
             self._held = self._flat(push)
 
     def step(self, dt: float) -> None:
-        """Begin the next step, of dt [s]."""
+        """Begin the next step, with the length dt [s]."""
         self.time_s, self.dt = self.time_s + dt, dt
 
     def forces(self, states: Floats) -> Floats:
-        """Forces on the free coordinates [N], (..., n_free dim), for states (..., n_state) at the start of the step.
+        """Forces on the free coordinates [N], (..., n_free dim), in states (..., n_state) at the start of the step.
 
         Raises ValueError for forces of another shape, and for forces that are not finite.
         """

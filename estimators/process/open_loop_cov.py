@@ -1,4 +1,4 @@
-"""Covariance of the open loop: marks drive the model without a filter, and their noise affects the hidden masses."""
+"""Covariance of the open loop, in which marks drive the model without a filter and their noise moves hidden masses."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Largest number of motions of the hidden masses; the slowest ones are used [1]; numerical."""
+"""Largest number of motions of the hidden masses [1]; numerical. The slowest motions are used."""
 
 KEPT = 64
-"""Matrices are cached for at most this many combinations of frame interval and visible marks, to save memory."""
+"""Largest number of combinations of frame interval and visible marks whose matrices are cached."""
 
 
 class OpenLoopCovariance:
-    """Covariance of the target in the open loop, linearised about rest. Large bodies are reduced to slow motions.
+    """Covariance of the target in the open loop, linearised about rest. Large bodies have only their slowest motions.
 
-    Between frames, a marked mass moves straight from one measured position to the next. If its mark is not visible, it
-    stays at its last place. The error of this position is the mark's noise. Hidden masses follow their equations of
-    motion under unknown white acceleration [m/s²/sqrt(Hz)].
+    Between frames, a marked mass moves straight from one measured position to the next. A marked mass without a visible
+    mark stays at its last position. The error of the position is the noise of the mark. Hidden masses follow their
+    equations of motion under unknown white acceleration [m/s²/sqrt(Hz)].
 
     State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.
     """
@@ -79,10 +79,10 @@ class OpenLoopCovariance:
         self.cov = new
 
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
-        """F, kept, G and Q over dt [s] to a frame with these marks.
+        """Matrices F, kept, G and Q for a step of dt [s] to a frame with visible marks on the nodes `seen`.
 
-        F (n, n + m): effect of the state on the hidden masses; G (n, m): effect of the new marks' errors on them
-        kept (m,): 0 for the coordinates of the new marks, else 1; Q (n, n): covariance from unknown force
+        F (n, n + m): effect of the old state on the hidden masses; G (n, m): effect of the new marks' errors on them
+        kept (m,): 0 for the coordinates of the new marks, else 1; Q (n, n): covariance due to unknown forces
         """
         n = self._n
         if dt > 0.0:
@@ -96,9 +96,9 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Effect on the hidden masses over dt [s] of their own state, of the marks' errors before, and of those after.
+        """Effects on the hidden masses after dt [s]: of their state, of errors of old and of new marks; noise.
 
-        The last result is the covariance from unknown force.
+        The noise is the covariance due to unknown forces.
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
@@ -113,9 +113,9 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """The r slowest motions of some free coordinates while all others are fixed, as columns (n, r), and their inverse.
+    """The r slowest motions of n coordinates while all others are fixed, as columns (n, r), and their left inverse.
 
-    by_mass: -K / mass, (n, n), for these n coordinates, whose indices are `rows`; if n is small, r is n
+    by_mass: -K / mass, (n, n); rows: indices of these coordinates among the free ones; if n is small, r is n
     """
     n = len(rows)
     if n <= MOTIONS:

@@ -1,7 +1,7 @@
-"""Process model of a tissue: equations of motion of a network, with an unknown brief force (poke) on each marked node.
+"""Process model of a tissue: motion of a network under an unknown brief force (poke) on each marked node.
 
-The state is the network's state (positions, then velocities of the free nodes), then the poke on each
-marked coordinate [N], node by node.
+The state contains the positions of the free nodes, their velocities, and the poke on each coordinate of a marked
+node [N], node by node.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from dynamics import (
 from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
-"""Longest time between two additions of noise [s]; choice. The errors after 0.2 s are 23 µm, and 0.5 % of the
-covariance; with 1/240 s the computation takes twice as long."""
+"""Longest time between two additions of noise [s]; choice. After 0.2 s, the error of the mean is 23 µm, and the error
+of the covariance 0.5 %. With 1/240 s the computation takes twice as long."""
 
 LOOSE = 1e-11
-"""Relative stiffness that is treated as zero, because rounding errors are as large."""
+"""Relative stiffness that counts as zero, because rounding errors are as large."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
-"""Quadrature nodes and weights on (-1, 1); for steps up to twice the correlation time only rounding errors remain."""
+"""Quadrature nodes and weights on (-1, 1), exact up to rounding errors for steps up to twice the correlation time."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForceMode:
-    """Unknown forces in one mode: white noise, and pokes (brief forces on marked nodes, Gauss-Markov of first order).
+    """Unknown forces in one mode: white noise on all free nodes, and pokes (brief forces) on marked nodes.
 
-    white: density of acceleration noise on every free node, for errors of the model [m/s²/sqrt(Hz)]; choice
+    white: density of acceleration noise, which represents errors of the model [m/s²/sqrt(Hz)]; choice
     poke: standard deviation of the acceleration that a poke gives to its node [m/s²]; choice
-    lasting_s: correlation time of a poke [s]; choice
+    lasting_s: correlation time of a poke, a Gauss-Markov process of first order [s]; choice
     """
 
     white: float
@@ -60,10 +60,10 @@ class FixBias:
 
 
 class TissueModel:
-    """Process model of a network with unknown forces on its marked nodes.
+    """Process model of a network under unknown forces.
 
     uncertainty: directions in which the network's constants are uncertain
-    dim_x: number of states, which are those of the network and a poke for each coordinate of a marked node
+    dim_x: number of states: the network's states, and a poke for each coordinate of a marked node
     """
 
     def __init__(
@@ -77,11 +77,11 @@ class TissueModel:
         self.mass = np.repeat(network.masses[network.free], network.dim)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
-        """Sigma points (n_points, dim_x) after dt [s], in [m], [m/s] and [N]; the pokes in the state decay."""
+        """Sigma points (n_points, dim_x) after dt [s], with states in [m], [m/s], [N]. The pokes in the state decay."""
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """As `propagate`, for the points of each mode, (n_modes, n_points, dim_x), in [m], [m/s] and [N]."""
+        """As `propagate`, for other sigma points in each mode, (n_modes, n_points, dim_x), in [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -92,7 +92,7 @@ class TissueModel:
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
 
     def resting_columns(self, shape: Floats) -> Floats:
-        """Change of a rest shape due to a unit error along each of the uncertain directions, (dim_x, n_directions).
+        """Change of a rest shape per unit error along each uncertain direction, (dim_x, n_directions).
 
         shape: positions of all nodes [m], (n_nodes, dim)
         """
@@ -107,10 +107,9 @@ class TissueModel:
         return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:
-        """Covariance of the noise of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
+        """Noise covariance of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
 
-        Springs and dashpots are ignored: over the longest step, 1/120 s, they change the variances of the phantom's
-        noise by up to 31 %. See `LONGEST_STEP` for the resulting error of a prediction.
+        Springs and dashpots are ignored. `LONGEST_STEP` states the resulting error of a prediction.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
@@ -125,10 +124,10 @@ class TissueModel:
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density, (dim_x, dim_x), of the motion about a shape [m]; the state is in [m], [m/s], [N].
+        """Matrix A and noise density, (dim_x, dim_x) each, of the motion about a shape [m]; state in [m], [m/s], [N].
 
-        An unstable motion, such as that of a compressed link, keeps its speed instead of growing: the real body moves
-        to another rest shape, but a linear motion would diverge.
+        An unstable motion, such as the buckling of a compressed link, keeps its speed in this model. Its linear growth
+        would diverge, while the real body moves to another rest shape.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         A = np.zeros((self.dim_x, self.dim_x))
@@ -144,7 +143,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add the covariance of positions and velocities due to white accelerations of these densities, (half,)."""
+    """Add the covariance of positions and velocities under white accelerations of densities `white`, (half,)."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0
@@ -154,7 +153,7 @@ def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
 
 
 def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
-    """Matrix -K / mass, (n, n), without motions of negative stiffness; unchanged if there are none."""
+    """Matrix -K / mass, (n, n), in which negative stiffnesses are replaced by zero."""
     root = np.sqrt(mass)
     scaled = root[:, None] * by_mass / root
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -164,9 +163,9 @@ def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
-    """Covariance (n, n) of x after this time [s] if x starts at zero and dx/dt = A x + white noise of this density.
+    """Covariance (n, n) of x after a time [s], if x starts at zero and dx/dt = A x + white noise with a given density.
 
-    Source: [vanloan1978]. Unlike Lyapunov's equation, this needs no damping.
+    Source: [vanloan1978].
     """
     n = len(A)
     step, doublings = seconds, 0
@@ -183,10 +182,10 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
-    """Covariance of position, velocity and poke (an acceleration), (3, 3), due to the poke's own noise over dt [s].
+    """Covariance of position, velocity and poke (as acceleration), (3, 3), due to the poke's own noise over dt [s].
 
-    sd: standard deviation of the poke as acceleration [m/s²]; tau: its correlation time [s]
-    With the response g to noise of one age, the result is the Gauss-Legendre integral of g g' over all ages.
+    sd: standard deviation of the poke as acceleration [m/s²]; tau: correlation time of the poke [s]
+    The result is the integral of g g' over the age of the noise, with g the response to noise of one age.
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

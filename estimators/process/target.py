@@ -1,4 +1,4 @@
-"""The target as a linear function of the state: a weighted sum of nodes plus an offset."""
+"""Target as a linear function of the state: a weighted sum of node positions plus an offset."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class TargetPoint:
-    """A point of the tissue, position = sum_i weights_i x_i + offset; by default a node.
+    """A point of the tissue: the weighted sum of node positions, plus an offset.
 
-    nodes: names of n nodes; weights: a weight for each node, (n,), with sum 1
+    nodes: names of n nodes; weights: weight of each node, (n,), with sum 1. By default the point is one node.
     offset_m: constant offset [m], (dim,), zero if empty; sd_m: standard deviation of its error on each axis [m]
     """
 
@@ -37,8 +37,8 @@ class TargetPoint:
 class TargetMap:
     """Map from a state to the position of a target: matrix @ free coordinates + constant.
 
-    point: the target; matrix: (dim, n_free dim) [1]; constant: offset, plus the weighted fixed nodes [m], (dim,)
-    Every state begins with the free coordinates; any other states may follow.
+    point: the target; matrix: (dim, n_free dim) [1]; constant: offset plus the weighted fixed nodes [m], (dim,)
+    A state begins with the free coordinates; any other states may follow.
     """
 
     point: TargetPoint
@@ -46,23 +46,23 @@ class TargetMap:
     constant: Floats
 
     def position(self, states: Floats) -> Floats:
-        """Position of the target [m], (..., dim), for states (..., n)."""
+        """Position of the target [m], (..., dim), in states (..., n)."""
         return np.asarray(states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant)
 
     def linear(self, columns: Floats) -> Floats:
-        """Change of the target, (..., dim, r), for changes of the state, (..., n, r)."""
+        """Change of the target's position, (..., dim, r), due to changes of the state, (..., n, r)."""
         return np.asarray(self.matrix @ columns[..., : self.matrix.shape[1], :])
 
     def cov(self, covs: Floats) -> Floats:
-        """Covariance of the target [m²], (..., dim, dim), for covariances of the state (..., n, n)."""
+        """Covariance of the target [m²], (..., dim, dim), from covariances of the state (..., n, n)."""
         n = self.matrix.shape[1]
         return np.asarray(self.matrix @ covs[..., :n, :n] @ self.matrix.T)
 
 
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
-    """The map from a state to a target, which is a point or the name of a node; raises NetworkError for unknown names.
+    """Map from a state to a target, which is given as a point or as the name of a node; NetworkError for unknown nodes.
 
-    Raises ValueError for an offset of another dimension and for a point that no free node moves.
+    Raises ValueError if no free node moves the target, or if its offset is invalid.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target
     offset = np.array(point.offset_m or np.zeros(network.dim), dtype=float)

@@ -1,4 +1,4 @@
-"""Smoothers; a filter for measurements that arrive late.
+"""Smoothers, and a filter for measurements that arrive late.
 
 Methods that use later measurements belong here.
 """

@@ -1,4 +1,4 @@
-"""Filter for frames that arrive late or out of order: it updates again with all later frames of its history."""
+"""Filter for frames that arrive late or out of order. It repeats the updates with all later frames of its history."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimators.tissue.snapshot import all_or_nothing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """Measurement at one exposure time [s]: marks, or a fix of the target (position [m] and covariance [m²])."""
+    """Measurement at an exposure time [s]: marks, or a fix of the target with position [m] and covariance [m²]."""
 
     time_s: float
     marks: tuple[MarkMeasurement, ...] = ()
@@ -24,21 +24,21 @@ class Event:
 
 @dataclass(slots=True)
 class _Kept:
-    """An event and the state of the filter before it."""
+    """An event, and the state of the filter before this event."""
 
     event: Event
     before: FilterSnapshot = field(repr=False)
 
 
 class Replay:
-    """Filter that accepts frames in any order, if they are not older than its history.
+    """Filter that accepts measurements (events) in any order, unless they are older than its history.
 
-    Each event is used at its own exposure time: the filter returns to the state just before it and repeats the later
-    events. The result equals, bit for bit, the result of the events in order.
+    For a late event, the filter returns to its state before the event's exposure time, then uses this event and all
+    later ones. The result equals, bit for bit, the result of the same events in order of exposure.
 
     horizon_s: length of the history [s]
     State: the filter; the events of the last horizon_s, and the filter's state before each of them.
-    late: numbers of events that arrived late; `fused` events were used, `rejected` events were older than the history
+    late: number of late events by result: `fused` for used events, `rejected` for events older than the history
     """
 
     def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
@@ -50,16 +50,16 @@ class Replay:
         self._kept: list[_Kept] = []
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The newest estimate after marks exposed at this time [s]; None if they are older than the history.
+        """Use marks with an exposure time [s]; returns the newest estimate, or None for marks older than the history.
 
         Raises ValueError as the filter does.
         """
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """The newest estimate after a fix of the target at this time [s]; None if it is older than the history.
+        """Use a fix of the target at a time [s]; returns the newest estimate, or None for a fix older than the history.
 
-        position: measured position [m], (dim,); cov: its covariance [m²], (dim, dim)
+        position: measured position [m], (dim,); cov: covariance of the measured position [m²], (dim, dim)
         """
         return self._fused(Event(time_s, fix=(position, cov)))
 

@@ -29,9 +29,9 @@ TimedFix = tuple[float, Floats, Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the predictions (moves) to it.
+    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the predictions before this frame.
 
-    moves: empty if the filter started at this frame, so that its state has no information on earlier frames
+    moves: the predictions since the last frame; empty if the filter started or restarted here
     """
 
     mean: Floats
@@ -46,11 +46,14 @@ class ForwardPass:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """The filter's estimate at this time [s], and the recorded step; raises ValueError as the filter does."""
+        """Use the marks of a frame; returns the filter's estimate and the record for a smoother.
+
+        Raises ValueError as the filter does.
+        """
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """As `take`, for a direct measurement of the target."""
+        """Use a direct measurement of the target; returns the filter's estimate and the record for a smoother."""
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 
@@ -66,7 +69,7 @@ class ForwardPass:
         return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
-        """Mean [m], (dim,), and covariance [m²] of the target at each step given all steps, in reverse order."""
+        """Mean [m], (dim,), and covariance [m²] of the target at each step given all steps, the last step first."""
         target = self.tissue.target
         rows = self.tissue.rows_of(target)
         for mean, cov in smooth(steps, self.tissue.process.considered):
@@ -83,7 +86,7 @@ def fixed_interval(
     """Estimate the target at each frame from all frames and all fixes; frames: (time [s], marks) in order of time.
 
     advance: called with the completed share
-    fixes: used at their own times; those before the first marks and those after the last frame are ignored
+    fixes: direct measurements of the target. Fixes before the first marks or after the last frame are ignored.
     """
     passage, taken = ForwardPass(tissue), list(frames)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
@@ -106,10 +109,10 @@ def fixed_interval(
 
 
 class FixedLag:
-    """Smoother that estimates the target with a delay, given all marks until now.
+    """Smoother that estimates the target with a delay, from all marks until now.
 
     lag_s: smallest delay [s]
-    State: the forward pass, and the frames of the last lag_s.
+    State: the forward pass, and its frames within the last lag_s.
     """
 
     def __init__(self, tissue: TissueFilter, lag_s: float = 0.3) -> None:
@@ -120,7 +123,7 @@ class FixedLag:
         self._passed: deque[tuple[TargetEstimate, Step]] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The target at the newest frame that is at least lag_s old; None without such a frame."""
+        """Use the marks of a frame; returns the target at the newest frame that is at least lag_s old, or None."""
         self._passed.append(self._passage.take(time_s, marks))
         due_s = time_s - self.lag_s
         while len(self._passed) > 1 and self._passed[1][0].time_s <= due_s:
@@ -133,9 +136,9 @@ class FixedLag:
 
 
 def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tuple[Floats, Floats]]:
-    """Mean (n,) and covariance (n, n) of the state at each step given all steps, from the last to the first.
+    """Mean (n,) and covariance (n, n) of the state at each step given all steps, the last step first.
 
-    considered: states that no observation corrects
+    considered: indices of the states that no observation corrects
     """
     mean, cov = np.empty(0), np.empty(0)
     moves: Sequence[Move] = ()
@@ -149,9 +152,9 @@ def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tup
 
 
 def smoothed_before(mean: Floats, cov: Floats, move: Move, considered: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Smoothed mean (n,) and covariance (n, n) before a prediction (move); mean, cov: the smoothed ones after it.
+    """Smoothed mean (n,) and covariance (n, n) before a prediction, from the smoothed mean and covariance after it.
 
-    considered: states that no observation corrects
+    considered: indices of the states that no observation corrects
     """
     sd = np.sqrt(move.cov.diagonal())
     sd = np.where(sd > 0.0, sd, 1.0)

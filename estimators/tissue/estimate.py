@@ -1,4 +1,4 @@
-"""Input and output of a filter: marks, estimates of the target, Gaussian mixtures."""
+"""Inputs and outputs of a filter: marks, estimates of the target, Gaussian mixtures."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from estimators.arrays import Floats
 from estimators.filters.kernels import is_gaussian
 
 ROUNDING = 1e-9
-"""Largest asymmetry of a covariance, relative to its largest entry, that rounding of a product J C J' explains."""
+"""Largest asymmetry of a covariance, relative to its largest entry, that rounding errors of a product J C J' cause."""
 
 
 class Status(StrEnum):
-    """Status of the filter, which says whether an estimate can be relied upon."""
+    """Status of the filter: whether its estimate can be relied upon."""
 
     INITIALISING = "INITIALISING"
-    """Only the first marks were used, or none: the position may be known, but not yet the velocity or shape of the
-    tissue."""
+    """The first marks were used, or no marks: the position of the tissue may be known, but not yet its velocity and
+    shape."""
     TRACKING = "TRACKING"
-    """This frame's marks were used."""
+    """The marks of this frame were used."""
     COASTING = "COASTING"
     """No mark was used: the estimate is only a prediction, but not yet LOST."""
     LOST = "LOST"
@@ -38,12 +38,12 @@ class Status(StrEnum):
 class MarkMeasurement:
     """Measured position of one mark, with its covariance.
 
-    node: node with the mark; position: measured position [m], (dim,)
+    node: name of the node that bears the mark; position: measured position [m], (dim,)
     cov: covariance of the mark's own error [m²], (dim, dim), positive definite
-    shared: shift due to one standard deviation of each error that all marks of a frame share, such as calibration
-        errors [m], (dim, n_shared); these errors are independent of each other
+    shared: shift of the mark per standard deviation of each independent error that all marks of a frame share, such as
+        a calibration error [m], (dim, n_shared)
 
-    Arrays are copied and read-only, so that they stay valid after the check.
+    Arrays are copied and made read-only, so that they stay valid after the check.
     """
 
     node: str
@@ -80,7 +80,7 @@ class MarkMeasurement:
 def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple[Floats, Floats]:
     """Copies of a measured position (dim,) and its covariance (dim, dim); raises ValueError if they are invalid.
 
-    what: the name of the measurement in messages
+    what: name of the measurement for messages
     """
     place, spread = np.array(position, dtype=float), np.array(cov, dtype=float, order="C")
     if place.ndim != 1:
@@ -100,7 +100,7 @@ class CommonShift:
     """Test whether one common shift of all marks in a frame, including rejected ones, explains their innovations.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
-    nis_of_one: NIS that remains after the best shift of a single mark; such a shift equals omitting the mark
+    nis_of_one: smallest NIS that remains after one mark alone is shifted; this equals the NIS without that mark
     """
 
     n_marks: int
@@ -119,11 +119,11 @@ class TargetEstimate:
     marks_used: number of marks used in this frame
     nis: normalised innovation squared of the used marks; None without marks, or if the method does not compute it
     poked: probability that a short external force acts; 0 for a continuum, None if the method does not compute it
-    model_only: whether the marks contribute almost nothing, so that the estimate is a prediction by the model
-    gain: 1 - variance of the filter / variance of the open loop (marks drive the model without a filter); it is
-    negative if the filter, which considers pokes and wrong constants, is more uncertain than the open loop
-    information_share: relative increase of the target's variance if a node's mark were not used, for each node
-    shift: how well a common shift of all marks explains their innovations; None without marks, and for the first marks
+    model_only: whether marks contribute almost nothing, so that the estimate is a prediction by the model
+    gain: 1 - variance of the filter / variance of the open loop, in which marks drive the model without a filter. It is
+        negative if the filter is more uncertain, because it considers pokes and wrong constants.
+    information_share: for each used mark's node, relative increase of the target's variance without this mark
+    shift: test for a common shift of all marks; None without marks, and in the first frame with marks
     noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
     measured: number of measured coordinates of the used marks (a single camera measures no depth); None: all
     """
@@ -150,7 +150,7 @@ class TargetEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussianMixture:
-    """A Gaussian mixture: weights (k,) that sum to one, means [m] (k, dim), covs [m²] (k, dim, dim)."""
+    """A Gaussian mixture: weights (k,) with sum 1, means [m], (k, dim), and covariances covs [m²], (k, dim, dim)."""
 
     weights: Floats
     means: Floats
@@ -168,5 +168,5 @@ class GaussianMixture:
 
     @classmethod
     def gaussian(cls, mean: Floats, cov: Floats) -> GaussianMixture:
-        """A single Gaussian: mean [m], (dim,), cov [m²], (dim, dim)."""
+        """A mixture of one Gaussian with this mean [m], (dim,), and covariance [m²], (dim, dim)."""
         return cls(np.ones(1), np.asarray(mean, dtype=float)[None], np.asarray(cov, dtype=float)[None])

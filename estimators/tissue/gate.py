@@ -1,4 +1,4 @@
-"""The gate for measurements: a measurement beyond the gate is used only if it repeats at the same place."""
+"""Gate for measurements: a measurement beyond the gate is used only if it repeats at the same place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlying:
-    """The last measurement of a mark or a fix beyond the gate.
+    """The last measurement of a mark or a fix that was beyond the gate.
 
     since_s, last_s: times of the first and of the last such measurement in an unbroken series [s]
     position, cov: the last measurement [m], (dim,), and its covariance [m²], (dim, dim)
@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether a measurement is within the gate around an earlier one; an impulse may have acted between them."""
+    """Whether a measurement is within the gate around an earlier one, even if an impulse has acted in between."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

@@ -1,4 +1,4 @@
-"""Health of a filter: a state machine that decides in each frame whether the estimate can be relied upon."""
+"""Health of a filter: a state machine that decides after each frame whether the estimate can be relied upon."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from estimators.tissue.estimate import Status
 from estimators.tissue.settings import FilterSettings
 
 LEAST_FRAMES = 2
-"""Smallest number of frames whose innovations are tested together; the gate tests a single frame."""
+"""Smallest number of frames whose innovations are tested together."""
 
 MANY_DISTURBANCES = 2.5
-"""Largest number of disturbances within test_s, as the sum of their probabilities; numerical: two are allowed; a third
-must be less probable than not."""
+"""Largest number of disturbances within test_s, as the sum of their probabilities; numerical: two disturbances are
+allowed, and a third one must have a probability below 0.5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +23,8 @@ class Health:
 
     status: see `Status`
     since_s: time of the first mark after the last start, loss or divergence [s]; None before the first mark
-    seen_s: time of the last mark that was used [s]; -inf before the first mark
-    innovations: time [s], NIS, degrees of freedom and probability of a disturbance of each frame in the test
+    seen_s: time of the last used mark [s]; -inf before the first mark
+    innovations: frames in the test for divergence: time [s], NIS, degrees of freedom, probability of a disturbance
     """
 
     status: Status = Status.INITIALISING
@@ -42,15 +42,16 @@ def after_frame(
     *,
     disturbance: float = 0.0,
 ) -> Health:
-    """The health after a frame; nis: NIS of the used marks, None without marks; degrees: its degrees of freedom.
+    """The health after a frame.
 
+    nis: normalised innovation squared (NIS) of the used marks, None without marks; degrees: degrees of freedom of nis
     disturbance: probability that a disturbance has just moved the tissue
 
-    The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then it is
-    TRACKING in each frame with marks, and COASTING in each frame without marks. After frames without marks for lost_s
-    it is LOST; new marks then lead to INITIALISING. Any status changes to DIVERGED as soon as the sum of the NIS over
-    test_s is too large, or too many disturbances are needed to explain it. The filter then restarts. If the marks agree
-    with it for test_s, it is TRACKING again.
+    The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. It is then
+    TRACKING in frames with marks, and COASTING in frames without marks. After lost_s without marks it is LOST; the next
+    marks lead to INITIALISING. The status becomes DIVERGED if the sum of the NIS over test_s is too large, or if more
+    than two disturbances are probable in this time. The filter then restarts. If the marks agree with the filter for
+    test_s, the status is TRACKING again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -78,15 +79,15 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of these NIS is above `largest_ratio` times the sum of their degrees of freedom."""
+    """Whether the sum of the NIS of these frames exceeds `largest_ratio` times the sum of their degrees of freedom."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
 
 def largest_ratio(degrees: int, sigmas: float) -> float:
-    """Chi-square quantile per degree of freedom, for the probability of a standard normal variable below `sigmas`.
+    """Quantile of a chi-square variable divided by its degrees of freedom: the largest plausible sum of NIS.
 
-    A sum of NIS has a chi-square distribution. Wilson and Hilferty's cube root makes it nearly normal [wilson1931].
+    The quantile's probability is that of a standard normal variable being below `sigmas`. Source: [wilson1931].
     """
     spread = 2.0 / (9.0 * degrees)
     return (1.0 - spread + sigmas * sqrt(spread)) ** 3

@@ -1,4 +1,4 @@
-"""The filter's assumptions about unknown forces, and the thresholds of its tests."""
+"""Settings of the filter: assumptions about unknown forces, and thresholds of tests."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class FilterSettings:
 
     poked: strength and duration of pokes (brief forces on marked nodes); source: fields of `ForceMode`
     led_nodes: marked nodes that an outside force, such as a gripper's, may drag at any time; source: the scene
-    discrepancy: standard deviation of the model's error, relative to the body's extent [1]; if None, it is estimated;
-    source: the scene
-    sigma_points: whether the motion is linearised with sigma points, not with derivatives; source: the caller
+    discrepancy: standard deviation of the model's error, relative to the body's extent [1]; None: it is estimated;
+        source: the scene
+    sigma_points: whether sigma points, not derivatives, linearise the motion; source: the caller
     fix_bias: common error of all fixes (direct measurements) of the target, or None; source: the scene
-    outlier_odds: prior odds that a mark is an outlier [1]; choice. An outlier may be anywhere in the tissue's extent
+    outlier_odds: prior odds that a mark is an outlier, anywhere in the tissue's extent [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
     impulse_m_s: largest sudden change of a node's velocity [m/s]; choice
     impulse_s: time for which the node moves at impulse_m_s before the springs pull it back [s]; choice
@@ -26,7 +26,8 @@ class FilterSettings:
     forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
     test_s: time over which innovations are tested together for divergence [s]; choice
     test_sigmas: threshold of the test for divergence, in standard deviations of a normal variable [1]; choice
-    model_only_share: share of the variance before any mark, above which the estimate is `model_only` [1]; choice
+    model_only_share: an estimate is `model_only` if its variance exceeds this share of the variance before any mark
+        [1]; choice
     """
 
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)

@@ -1,4 +1,4 @@
-"""Snapshots of a filter: a call that raises leaves the state unchanged."""
+"""Snapshots of a filter, so that a call that raises an exception leaves the filter's state unchanged."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 def all_or_nothing(
     method: Callable[Concatenate[Owner, Arguments], Result],
 ) -> Callable[Concatenate[Owner, Arguments], Result]:
-    """Decorator: the method runs in one thread, and leaves the state unchanged if it raises."""
+    """Decorator: run the method in one thread, and restore the state if the method raises an exception."""
 
     @wraps(method)
     def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

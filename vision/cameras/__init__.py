@@ -1,4 +1,4 @@
-"""Cameras for a plane and in space: lenses, poses, triangulation, calibration.
+"""Cameras of a plane and cameras in space: lenses, poses, triangulation, calibration.
 
 A new camera, lens or board belongs here.
 """

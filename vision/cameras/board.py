@@ -19,8 +19,8 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""For the search for a larger board, the picture is shrunk until a square has this side [px]; choice: corners are
-still detectable."""
+"""Side of a square after the picture is shrunk for the search for a larger board [px]; choice: corners are still
+detectable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Board:
 
     columns, rows: number of inner corners along x and along y
     square_m: side of a square [m]
-    dictionary, marker_m: dictionary of a ChArUco board's markers, and side of a marker [m]; None for a chessboard
+    dictionary, marker_m: for a ChArUco board, the dictionary of its markers, and the side of a marker [m]; else None
 
     Raises ValueError that names the invalid field.
     """
@@ -66,7 +66,7 @@ class Board:
 
     @property
     def corners_m(self) -> Floats:
-        """All inner corners in board axes [m], (columns * rows, 3), row by row from the upper left."""
+        """Positions of all inner corners in board axes [m], (columns * rows, 3), row by row from the upper left."""
         r, c = np.divmod(np.arange(self.columns * self.rows), self.columns)
         x, y = c - (self.columns - 1) / 2, (self.rows - 1) / 2 - r
         return self.square_m * np.stack([x, y, np.zeros(len(x))], axis=1)
@@ -85,8 +85,9 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
-    """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None if it is not found.
+    """Corners of a board in a picture; None if the board is not found.
 
+    image: (height, width) grey or (height, width, 3) BGR
     A chessboard must be completely visible. A ChArUco board needs settings.fewest_corners corners, not all on one line.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
@@ -108,7 +109,7 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """The board with one more column or one more row, if the picture, (height, width), shows it; else None.
+    """The board with one more column or one more row, if the picture (height, width) shows it; else None.
 
     To save time, only the part of the picture near the detected corners is searched.
     """
@@ -133,7 +134,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """The grid in the order of the printed side: the first square is dark, or x is right if both ends look equal."""
+    """Corners in the order of the board: the first square is dark or, if both ends are alike, x is right."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

@@ -1,6 +1,6 @@
 """Bundle adjustment of cameras and boards: least squares over all corners, with the covariance of the result.
 
-World axes are those of the board on the plane. Camera axes: x right, y down, z forward, as in OpenCV. Metres.
+World axes are the axes of the board on the plane. Camera axes: x right, y down, z forward, as in OpenCV. Unit: metres.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose
 
 N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
-"""Number of parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), a camera (lens, rotation, translation), a board."""
+"""Number of parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), a camera (lens, rotation, translation) and a board."""
 
 
 class CalibrationError(ValueError):
-    """Error for pictures that do not allow a calibration; the message says why, and what to do."""
+    """Error for pictures that do not allow a calibration. The message says why, and what to do."""
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J, for the Jacobian J with normalised columns; above it, the inverse is inaccurate."""
+"""Largest condition number of J'J with an accurate inverse, for the Jacobian J with normalised columns."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -51,7 +51,7 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """The setup after a step, (n,), of the parameters of all cameras, then of all boards except board `plane`."""
+        """The setup after changes (n,) of the parameters of all cameras, then of all boards except board `plane`."""
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
         moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
@@ -72,7 +72,8 @@ class Adjusted:
     setup: fitted cameras and boards
     residuals_px: detected minus expected corners of each sighting [px], each (n, 2)
     cov: covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras); the boards are marginalised.
-        Each camera has fx fy cx cy k1 k2 p1 p2 k3, a small rotation applied from the left [rad], a translation [m].
+        The parameters of a camera are fx fy cx cy k1 k2 p1 p2 k3, a small rotation, applied from the left [rad], and a
+        translation [m].
     """
 
     setup: Setup
@@ -84,7 +85,8 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
     """Least-squares fit of lenses, poses of cameras and poses of boards.
 
     plane: index of the board that defines the world; its pose is fixed
-    sds_px: standard deviation of each camera's corners [px]; only the ratios matter, the residuals determine the scale
+    sds_px: standard deviation of each camera's corners [px]. Only their ratios matter: the residuals determine the
+        scale.
 
     Raises CalibrationError if the corners do not determine the parameters.
     """
@@ -120,7 +122,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives [px/m], (n, 2, 3), of projections of world points [m], (n, 3), for shifts of them in camera axes."""
+    """Derivatives of the projections of world points [m], (n, 3), by shifts along camera axes [px/m], (n, 2, 3)."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -140,7 +142,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals with respect to a small step, as `Setup.moved` applies it."""
+    """Derivatives of the weighted residuals by a small step of the parameters, as `Setup.moved` applies it."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []
@@ -171,7 +173,7 @@ def _rotations(n_cameras: int, n_boards: int) -> list[int]:
 
 
 def _cross(vectors: Floats) -> Floats:
-    """Cross-product matrices of vectors v, (n, 3, 3): each matrix times x is v cross x."""
+    """Cross-product matrices of vectors v, (n, 3, 3). Such a matrix times x is v cross x."""
     x, y, z = vectors.T
     o = np.zeros(len(vectors))
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)

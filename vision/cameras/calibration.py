@@ -31,7 +31,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Board corners found in one picture, and the picture's name."""
+    """Board corners found in one picture, and the name of the picture."""
 
     name: str
     corners: Corners
@@ -84,7 +84,7 @@ class Calibration:
 
     @property
     def joint_cov(self) -> Floats:
-        """Covariance of lens and pose, (15, 15), in the order of `uncertainty`."""
+        """Covariance of lens and pose, (15, 15), in the order of the columns of `uncertainty`."""
         return self.uncertainty.T @ self.uncertainty
 
     @property
@@ -109,7 +109,7 @@ class Calibration:
 
     @property
     def mm_per_px(self) -> Floats:
-        """Size of a pixel on the plane at the picture's centre, across and down [mm], (2,)."""
+        """Width and height of a pixel on the plane at the picture's centre [mm], (2,)."""
         centre = (np.array(self.size_px, dtype=np.float64) - 1) / 2
         ray = np.append(cv2.undistortPoints(centre.reshape(1, 1, 2), self.matrix, self.distortion).ravel(), 1.0)
         normal = self.pose.rotation[:, 2]
@@ -136,7 +136,7 @@ def calibrate(
     """Calibrate a camera from views of a board.
 
     plane: name of the picture whose board lies on the plane of the world; default: the last used picture
-    left_out: "name: reason" of each picture without a board, to be stored in the result
+    left_out: "name: reason" of each picture without a board; it is stored in the result
 
     Raises CalibrationError if there are fewer than settings.fewest_views views, if the views are too similar, or if the
     picture `plane` is not used.
@@ -164,7 +164,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Rotation of the world axes about z, by quarter turns, after which this camera sees x most nearly to the right."""
+    """Rotation of the world axes about z, by quarter turns, after which x is nearly to the right in the picture."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]

@@ -1,6 +1,6 @@
 """Lenses and poses of cameras.
 
-Camera axes: x right, y down, z forward, as in OpenCV. Image axes: u right, v down, pixels. Metres.
+Camera axes: x right, y down, z forward, as in OpenCV. Image axes: u right, v down, in pixels. Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from numba import njit
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Largest number of Newton steps of the undistortion; four steps suffice for k1 = -0.3 at the picture's corner."""
+"""Largest number of Newton steps of the undistortion. Four steps suffice for k1 = -0.3 at the picture's corner."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Pose: the rigid motion that maps x to rotation x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
+    """Rigid motion from x to rotation x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
 
     rotation: Floats
     translation_m: Floats
 
     def after(self, first: Pose) -> Pose:
-        """Composition of two motions: `first`, then this motion."""
+        """Composition of two motions: first the motion `first`, then this motion."""
         return Pose(self.rotation @ first.rotation, self.rotation @ first.translation_m + self.translation_m)
 
     def inverse(self) -> Pose:
@@ -33,7 +33,7 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """The pose after a step, (6,): a rotation vector [rad], applied from the left, and an added translation [m]."""
+        """The pose after a step (6,): a rotation vector [rad], applied from the left, then an added translation [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
@@ -42,7 +42,7 @@ class Lens:
     """A lens, as in OpenCV.
 
     matrix: camera matrix [px], (3, 3)
-    distortion: k1 k2 p1 p2 k3, (5,); or these and k4 k5 k6, (8,); or all these and s1 s2 s3 s4, (12,)
+    distortion: 5 coefficients k1 k2 p1 p2 k3, or 8 with k4 k5 k6 appended, or 12 with s1 s2 s3 s4 also appended
 
     The ideal position of a point is its position in the picture of a lens with this matrix and no distortion.
     """
@@ -63,11 +63,11 @@ class Lens:
         return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
-        """Distorted positions of points, (n, 2), and their Jacobians, (n, 2, 2), at ideal positions, (n, 2)."""
+        """Distorted positions, (n, 2), from ideal positions, (n, 2), and Jacobians of this map, (n, 2, 2)."""
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """Ideal positions, (n, 2), of distorted positions, (n, 2); ValueError for a position that has none."""
+        """Ideal positions, (n, 2), from distorted positions, (n, 2); ValueError for a position without an ideal one."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)
@@ -91,9 +91,9 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivatives [px], (n, 2, 15), of the projections of points [m], (n, 3), with respect to lens and pose.
+    """Derivatives of the projections of points [m], (n, 3), with respect to lens and pose [px], (n, 2, 15).
 
-    The parameters are those of `Calibration.uncertainty`, in its order.
+    The 15 parameters are those of `Calibration.uncertainty`, in the same order.
     """
     turned, zero = points_m @ pose.rotation.T, np.zeros(3)
     _, all_of_it = cv2.projectPoints(turned + pose.translation_m, zero, zero, lens.matrix, lens.distortion)

@@ -1,6 +1,6 @@
 """Cameras of a flat scene: homographies between the plane and the picture, and covariances through them.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x right, y up, metres.
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x right, y up, in metres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
 )
 DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
-"""Weights of the points `DISC`: with them, the mean of a polynomial over the unit disc is exact up to degree 5."""
+"""Weights of the points `DISC`, with which the mean of a polynomial over the unit disc is exact up to degree 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class PlaneCamera:
     name: name of the camera
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3); its scale is arbitrary
-    calibration_sd_px: standard deviation per axis of an error of each mark's position, independent between marks [px]
+    calibration_sd_px: standard deviation, on each axis, of a position error that is independent between marks [px]
     lens: lens whose distortion acts after the homography; None: no distortion
     calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
     scale_sd: relative standard deviation of the scale in millimetres per pixel, an error that all marks share [1];
@@ -81,7 +81,7 @@ class PlaneCamera:
             object.__setattr__(self, key, value)
 
     def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
-        """Return a camera for other plane axes, which sees a point x where this camera sees the point R x + t.
+        """Camera for other plane axes. It sees a point x where this camera sees the point R x + t.
 
         rotation: R, (2, 2); translation_m: t [m], (2,)
         """
@@ -90,11 +90,11 @@ class PlaneCamera:
         return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projection of points of the plane [m], (n, 2), to the picture [px], (n, 2); ValueError beyond the horizon."""
+        """Positions in the picture [px], (n, 2), of points on the plane [m], (n, 2); ValueError past the horizon."""
         return self._seen(points_m)[0]
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points of the plane [m], (n, 2), at positions in the picture [px], (n, 2); ValueError beyond the horizon."""
+        """Points on the plane [m], (n, 2), from positions in the picture [px], (n, 2); ValueError past the horizon."""
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
@@ -108,7 +108,7 @@ class PlaneCamera:
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def mm_per_px(self, point_m: ArrayLike) -> Floats:
-        """Size of one pixel on the plane at a point, across and down [mm], shape (2,)."""
+        """Width and height of a pixel on the plane at a point [mm], shape (2,)."""
         J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
@@ -120,17 +120,18 @@ class PlaneCamera:
         """Circular shape of the image of a ball about a point of the plane [px], (2, 2), as in `Outline.shape_px`.
 
         A ball is not foreshortened like a disc on the plane. So its scale is the greater singular value of the
-        projection's Jacobian. Away from mid-picture the true image is an ellipse, longer by the factor 1 / cos of the
-        angle between ray and optical axis. It is not modelled, because a homography does not contain that angle.
+        projection's Jacobian. Away from mid-picture, the true image is an ellipse, longer by the factor 1 / cos of the
+        angle between ray and optical axis. The ellipse is not modelled, because a homography does not contain that
+        angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Offset from the image of a disc's centre to the centre of the disc's image [px], (n, 2).
+        """Shift of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
 
         points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
-        Perspective enlarges the half of the disc near the camera. Lens distortion adds to the offset.
+        Perspective enlarges the half of the disc near the camera. Lens distortion adds to the shift.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -152,7 +153,7 @@ class PlaneCamera:
 
     @property
     def pose(self) -> Pose:
-        """Pose from the plane's axes, where the plane is z = 0, to camera axes; raises ValueError without a lens."""
+        """Pose from plane axes to camera axes, with the plane at z = 0; raises ValueError without a lens."""
         if self.lens is None:
             raise ValueError(f"camera {self.name}: expected a lens, found none")
         # H = s K [r1 r2 t]: columns of a rotation have length 1
@@ -161,7 +162,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """Shifts [m], (n, 2, n_calibration), of points on the plane [m], (n, 2), by each calibration error."""
+        """Shifts of points on the plane [m], (n, 2), by each calibration error [m], (n, 2, n_calibration)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         by_lens = self._lens_error(p)
         if not self.scale_sd:
@@ -172,7 +173,7 @@ class PlaneCamera:
 
     @property
     def n_calibration(self) -> int:
-        """Number of calibration errors: the rows of `calibration`, and one for `scale_sd`."""
+        """Number of calibration errors: the rows of `calibration`, and one more if `scale_sd` is stated."""
         return len(self.calibration) + bool(self.scale_sd)
 
     def _lens_error(self, p: Floats) -> Floats:
@@ -184,7 +185,7 @@ class PlaneCamera:
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 
     def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Projection of points of the plane, (n, 2), and its Jacobian, (n, 2, 2)."""
+        """Projections of points on the plane, (n, 2), and Jacobians of the projection, (n, 2, 2)."""
         ideal, J = self._mapped(self.plane_to_px, points_m)
         if self.lens is None:
             return ideal, J
@@ -192,7 +193,7 @@ class PlaneCamera:
         return seen, bent @ J
 
     def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Points of the plane, (n, 2), and Jacobians, (n, 2, 2), from positions in the picture, (n, 2)."""
+        """Points on the plane, (n, 2), from positions in the picture, (n, 2), and Jacobians of this map, (n, 2, 2)."""
         if self.lens is None:
             return self._mapped(self.px_to_plane, points_px)
         ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))

@@ -1,4 +1,4 @@
-"""Settings of a calibration: valid boards, pictures and results."""
+"""Settings of a calibration: requirements on boards, pictures and results."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """Settings of a calibration: valid boards, pictures and results.
+    """Settings of a calibration: requirements on boards, pictures and results.
 
     corner_window: half width of the window in which a corner is refined, relative to the least distance between two
         corners [1]; choice
@@ -15,8 +15,8 @@ class CalibrationSettings:
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
         the camera matrix, and a fourth view shows whether they agree
     outlier_ratio: largest rms residual of a used picture, relative to the median over all pictures [1]; choice
-    least_tilt_deg: least angle between the two boards that differ most [degrees]; choice: parallel boards determine no
-        more than one board ([zhang2000] section 4)
+    least_tilt_deg: least angle between the two boards that differ most [degrees]; choice: parallel boards give no more
+        information than one board ([zhang2000] section 4)
     largest_focal_sd: largest relative standard error of a focal length; above it, the views are too similar [1]; choice
     together_px: largest increase of a camera's rms residual by the joint adjustment; above it, pictures of equal name
         were not simultaneous [px]; choice

@@ -1,6 +1,6 @@
 """Cameras of a scene in space: projection of points, rays of pixels, and uncertainty of the calibration.
 
-World axes: x right, y up, z toward the viewer, metres. Image axes: u right, v down, the centre of the first pixel is
+World axes: x right, y up, z toward the viewer, in metres. Image axes: u right, v down, the centre of the first pixel is
 (0, 0).
 """
 
@@ -19,7 +19,7 @@ RADII = np.linspace(0.02, 4.0, 200)
 """Distances from mid-picture at which a lens model is tested for a fold [half diagonals of the picture]; numerical."""
 
 FAR_PX = 1e6
-"""Distance from mid-picture that is beyond any picture [px]; numerical: polynomials do not overflow there."""
+"""Distance from mid-picture that exceeds any picture [px]; numerical: polynomials do not overflow there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class SpaceCamera:
     size_px: width and height of its picture [px]
     lens: matrix and distortion
     pose: pose from world axes to camera axes
-    calibration_sd_px: standard deviation per axis of an error of each mark's position, independent between marks [px]
+    calibration_sd_px: standard deviation, on each axis, of a position error that is independent between marks [px]
     calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
 
     Raises ValueError that names the invalid field.
@@ -64,14 +64,15 @@ class SpaceCamera:
         return self.pose.inverse().translation_m
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point behind the camera.
+        """Projections to the picture [px], (n, 2), of points [m], (n, 3); ValueError for a point behind the camera.
 
-        It is valid only for points that are `in_view`: the lens model may be wrong far outside the picture.
+        The projection is valid only for points that are `in_view`: far outside the picture, the lens model may be
+        wrong.
         """
         return self.seen(points_m)[0]
 
     def seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Projections [px], (n, 2), and derivatives of the projections [px/m], (n, 2, 3), of points [m], (n, 3)."""
+        """Projections of points [m], (n, 3), to the picture [px], (n, 2), and their derivatives [px/m], (n, 2, 3)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         ideal, depth = self._ideal(p)
         if not (depth > 0.0).all():
@@ -80,18 +81,18 @@ class SpaceCamera:
         return self._bent(ideal, depth)
 
     def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Origin [m], (3,), and unit directions, (n, 3), of the rays through positions in the picture [px], (n, 2)."""
+        """Rays through positions in the picture [px], (n, 2): common origin [m], (3,), and unit directions, (n, 3)."""
         ideal = self.lens.ideal(np.array(points_px, dtype=float).reshape(-1, 2))
         ways = (ideal - self.lens.matrix[:2, 2]) / self.lens.matrix[[0, 1], [0, 1]]
         directions = np.column_stack([ways, np.ones(len(ways))]) @ self.pose.rotation
         return self.centre_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def in_view(self, points_m: ArrayLike) -> NDArray[np.bool_]:
-        """Whether each point [m], (n, 3), is in front of the camera and in its picture, (n,)."""
+        """Whether each point [m], (n, 3), is in front of the camera and inside its picture, (n,)."""
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Whether points [m], (n, 3), are `in_view`, (n,), and results of `seen`, NaN for points behind the camera."""
+        """Whether points [m], (n, 3), are `in_view`, (n,); results of `seen`, NaN for points behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -99,24 +100,24 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """`Outline.shape_px`, (2, 2) [px], of a disc with this centre [m], (3,), and this normal, (3,)."""
+        """`Outline.shape_px`, (2, 2) [px], of a disc with a given centre [m], (3,), and normal, (3,)."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """`Outline.shape_px`, (2, 2) [px], of a ball with this centre [m], (3,)."""
+        """`Outline.shape_px`, (2, 2) [px], of a ball with a given centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shifts [px], (n, 2, k), of the projections of points [m], (n, 3), by small errors of lens and pose.
+        """Shifts of the projections of points [m], (n, 3), by small errors of lens and pose [px], (n, 2, k).
 
-        steps: the errors, (k, 15), with the parameters of `Calibration.uncertainty`
+        steps: the k errors, (k, 15), with the parameters of `Calibration.uncertainty`
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
     def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
-        """The results of `seen` from ideal positions [px], (n, 2), and depths [m], (n,)."""
+        """The results of `seen`, from ideal positions [px], (n, 2), and depths [m], (n,)."""
         focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
         ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
         # u = f x / z + c: du = f (dx - (x / z) dz) / z
@@ -134,7 +135,7 @@ class SpaceCamera:
 
 @lru_cache(maxsize=16)
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
-    """Distance from the principal point up to which the lens model is one-to-one [px]."""
+    """Distance from the principal point within which the lens model is one-to-one [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]

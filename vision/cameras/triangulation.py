@@ -1,7 +1,7 @@
 """Triangulation of points from the pictures of several cameras, with covariances.
 
-Any subset of the cameras may see a point. The point minimises the squared distances in the pictures. The iteration
-starts from the point nearest to the rays in space, the plain triangulation [hartley2004].
+Any subset of the cameras may see a point. The result minimises the sum of squared distances in the pictures. The
+iteration starts from the point nearest to the rays in space, the plain triangulation [hartley2004].
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ SETTLED_M = 1e-6
 """Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Largest root mean square shift of the projections by all omitted calibration errors together [px]; choice: a tenth of
-a good mark's error, which adds a hundredth to that error's variance."""
+"""Largest root mean square shift of projections by all omitted calibration errors together [px]; choice: a tenth of the
+error of a good mark. It adds a hundredth to the variance of that error."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -31,10 +31,10 @@ N_CALIBRATION = 15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Positions of points in one camera's picture.
+    """Positions of points in the picture of one camera.
 
-    which: indices of the points that the camera sees, each at most once, (m,)
-    places_px, covs_px2: their positions in the picture [px], (m, 2), with covariances [px²], (m, 2, 2)
+    which: indices of the m points that the camera sees, each at most once, (m,)
+    places_px, covs_px2: positions of these points in the picture [px], (m, 2), and covariances [px²], (m, 2, 2)
     steps: independent errors of the camera's lens and pose, each of one standard deviation, (n_shared, 15), as in
         `calibration_steps`
     """
@@ -52,9 +52,9 @@ class Triangulated:
 
     positions: positions [m], (n, 3)
     covs: covariances of the positions, without calibration errors [m²], (n, 3, 3)
-    shared: shift of each position that each calibration error causes [m], (n, 3, n_shared)
-    misfit: squared normalised residuals in the pictures, summed for each point, at the calibration errors that fit the
-        point best [1], (n,). If n_views > 1, it has a chi-square distribution with 2 n_views - 3 degrees of freedom.
+    shared: shift of each position due to each calibration error [m], (n, 3, n_shared)
+    misfit: sum of the squared normalised residuals of each point in the pictures, (n,). For each point, the calibration
+        errors are fitted. If n_views > 1, it has a chi-square distribution with 2 n_views - 3 degrees of freedom.
     n_views: number of cameras that see each point, (n,)
     """
 
@@ -66,7 +66,7 @@ class Triangulated:
 
 
 def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
-    """The point with the least sum of squared distances from two or more rays [m], (3,).
+    """The point [m], (3,), with the least sum of squared distances from two or more rays.
 
     origins_m: a point on each ray [m], (n, 3); directions: unit vectors, (n, 3). Raises ValueError for parallel rays.
     """
@@ -87,9 +87,9 @@ def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) ->
 def triangulated(
     cameras: Sequence[SpaceCamera], places_px: ArrayLike, covs_px2: ArrayLike, steps: Sequence[Floats] | None = None
 ) -> Triangulated:
-    """Triangulate one point that two or more cameras see; the arrays of the result have one entry.
+    """Triangulate one point that two or more cameras see. The arrays of the result have one entry.
 
-    places_px, covs_px2: the point's position in each picture [px], (n, 2), with covariances [px²], (n, 2, 2)
+    places_px, covs_px2: positions of the point in the pictures [px], (n, 2), and covariances [px²], (n, 2, 2)
     steps: calibration errors of each camera, as in `Seen`; default: `calibration_steps`
     """
     places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
@@ -102,9 +102,9 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
     """Triangulate all points at once by Gauss-Newton.
 
     start_m: initial positions, also used as a further measurement of each point [m], (n, 3)
-    start_sd_m: standard deviation of start_m per axis [m]. With the size of the body as start_sd_m, start_m hardly
-        affects a point that two cameras see. A point that one camera sees then lies on the camera's ray, with an error
-        of about start_sd_m along the ray.
+    start_sd_m: standard deviation of start_m on each axis [m]. If it is as large as the body, start_m hardly affects a
+        point that two cameras see. A point that one camera sees then lies on the camera's ray, with an error of about
+        start_sd_m along the ray.
 
     If a step would move a point behind one of its cameras, the point's misfit is inf.
     Raises ValueError if start_sd_m is infinite and fewer than two cameras see a point.
@@ -151,10 +151,10 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
 
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
-    """Calibration errors of several cameras: for each camera, an array (n_shared, 15), as in `Calibration.uncertainty`.
+    """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
     Row i of all arrays belongs to one independent error. An error that does not affect a camera has zeros in its array.
-    Cameras that were calibrated together share errors. They are recognised by equal numbers of rows, above 15.
+    Cameras with equal numbers of rows above 15 are assumed to be calibrated together, and therefore share errors.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -174,7 +174,7 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 
 
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
-    """The errors of `calibration_steps` as principal components, sorted by their effect on the projections of points.
+    """Principal components of the errors of `calibration_steps`, sorted by their effect on the projections of points.
 
     points_m: the points [m], (n, 3)
     least_px: the smallest components are omitted if together they shift projections by at most this rms distance [px]

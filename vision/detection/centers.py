@@ -1,6 +1,6 @@
 """Centre of a mark: from its coverage and outline if these agree, otherwise from its rim or its outline alone.
 
-Image axes: u right, v down, pixels from the corner of a patch.
+Image axes: u right, v down, in pixels from the corner of a patch.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Component:
     """Connected pixels that may be a mark.
 
     corner_px: position of the patch in the picture, (2,); patch: the pixels and their surroundings, (h, w, 3) BGR
-    component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of their class, else 0, (h, w)
+    component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of the same class, else 0, (h, w)
     reach_px: longer side of the box around the connected pixels; clipped: whether this box touches the picture's border
     """
 
@@ -60,13 +60,13 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the covariances of outlines of marks of one colour; noise_sd: noise of alpha for each mark."""
+    """Factor on the covariance of a centre by outline; noise_sd: standard deviation of the noise of alpha."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """Centre of a mark if its centres by coverage and by outline agree; otherwise None."""
+    """Centre of a mark if its centre by coverage and its centre by outline agree; otherwise None."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -129,7 +129,7 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
 
 
 def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
-    """Whether the centres are so far apart that they belong to different marks."""
+    """Whether centres are so far apart that they belong to different marks."""
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)

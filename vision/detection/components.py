@@ -1,7 +1,7 @@
 """Detection of marks by hue, with sub-pixel centres from the share of each pixel that the mark covers.
 
 A mark covers the share alpha of a pixel at its edge; the background fills the rest. If both colours are known, alpha is
-a linear function of the pixel's colour. The centre is the centre of gravity of alpha, which needs no threshold.
+a linear function of the pixel's colour. The mark's centre is the centre of gravity of alpha, which needs no threshold.
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 """
 
@@ -25,8 +25,8 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
 """Area of the smallest circle that covers a whole aligned block of 2 x 2 pixels at any position of the circle [px];
-source: geometry: the middle of the nearest block is at most sqrt(2) px from the circle's centre, and the block's
-corners are at most sqrt(2) px farther."""
+source: geometry. The middle of the nearest block is at most sqrt(2) px from the circle's centre, and the corners of the
+block are at most sqrt(2) px farther."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -48,14 +48,14 @@ def detect_marks(
 
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
-    region: left, top, width, height of the part to search [px]; None: the whole frame
+    region: left, top, width, height of the searched part [px]; None: the whole frame
     outlines: outlines of whole marks, for the centres of partly covered marks; one outline for all marks, or one for
         each expected mark
     expected_px: expected positions of marks, (n, 2); they help to separate touching marks and to select an outline
-    expected_hues: hues of the expected marks; empty if all are equal
+    expected_hues: hues of the expected marks; empty if all marks have one hue
     rejected: list to which rejected groups of pixels are appended; None: not recorded
 
-    Raises ValueError for an invalid picture or region, HueError if a hue covers most of the picture.
+    Raises ValueError for an invalid picture or region. Raises HueError if a hue covers most of the picture.
     """
     if not isinstance(frame_bgr, np.ndarray) or frame_bgr.dtype != np.uint8 or frame_bgr.shape[2:] != (3,):
         kind = f"{getattr(frame_bgr, 'dtype', type(frame_bgr).__name__)} {np.shape(frame_bgr)}"
@@ -118,7 +118,7 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """The inputs of `detect_marks` for part of a frame.
+    """Inputs of `detect_marks` for part of a frame.
 
     part: the pixels; classes: colour classes of the pixels, in a picture that is smaller by the factor scale
     starts_px: expected positions in the part, (n, 2); corner_px: position of the part's first pixel in the frame, (2,)
@@ -227,13 +227,13 @@ class _Search:
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
     def _none(self, reason: Reason, piece: Component, hue_deg: float) -> list[Detection]:
-        """An empty list, after the rejected piece was recorded if requested."""
+        """Record the rejected piece if requested, and return an empty list."""
         if self.rejected is not None:
             self.rejected.append(self._rejected(reason, piece, hue_deg))
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """Record of a contour that is too small for a mark; the number of its pixels follows from Pick's theorem."""
+        """Record of a contour that is too small for a mark. Pick's theorem gives the number of its pixels."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -263,9 +263,10 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels are a whole disc, of any size, with the shape of an outline; False for too few pixels.
+    """Whether pixels form a whole disc of any size, with the shape of an outline; False for too few pixels.
 
-    The second moments of a disc of area A about its centre sum to A² / (2 pi). Any other shape of this area has more.
+    The second moments of a disc of area A about its centre sum to A² / (2 pi). Any other shape of this area has a
+    larger sum.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False
@@ -276,7 +277,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """The detections of all pieces of one hue; fragments of one mark, for example behind a needle, are joined."""
+    """The detections of all pieces of one hue. Fragments of one mark, for example behind a needle, are joined."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []

@@ -1,4 +1,4 @@
-"""Coverage of pixels by a mark, from which the mark's centre, covariance and area follow."""
+"""Coverage of pixels by a mark. It gives the mark's centre, covariance and area."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Largest number of pixels in the fit of the background, a linear model; more pixels would only cost time."""
+"""Largest number of pixels in the fit of the background, a linear model. More pixels would only take longer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """Coverage of a patch by a mark, with the mark's centre.
+    """Coverage of a patch by a mark, and the mark's centre.
 
     center_px, cov_px2: centre relative to the patch's first pixel [px], (2,), and its covariance [px²], (2, 2)
     area_px: area of the mark [px]
-    alpha: share of each pixel that the mark covers, (h, w), 0 far from it
-    noise_sd: standard deviation of alpha in the background, where alpha should be 0, due to noise
+    alpha: share of each pixel that the mark covers, (h, w), 0 far from the mark
+    noise_sd: standard deviation of alpha due to noise, measured in the background, where alpha should be 0
     color_bgr: colour of the mark's core
     """
 
@@ -45,7 +45,7 @@ def measure_coverage(
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark's colour class, else 0, (h, w) uint8
-    others: 1 on pixels of other marks of the class, else 0, (h, w) uint8; they are not used as background
+    others: 1 on pixels of other marks of the class, else 0, (h, w) uint8; these pixels are not used as background
     thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
     """
     grow = settings.grow_px + max(component.shape) // 16

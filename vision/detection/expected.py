@@ -1,4 +1,4 @@
-"""Expected position of a mark, as input of a detector."""
+"""Expected position of a mark: the input of a detector."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from vision.detection.outline import Outline
 class Expected:
     """Expected position of a mark, with its covariance and shape.
 
-    name: the node that bears the mark
+    name: name of the node that bears the mark
     center_px: expected centre [px], shape (2,)
     cov_px2: covariance of the expected centre, without the error of a detection [px²], shape (2, 2)
-    hue_deg: nominal hue of its kind of mark [degrees]
-    outline: its shape and size; None: not known
+    hue_deg: nominal hue of the kind of mark [degrees]
+    outline: shape and size of the mark; None: not known
     """
 
     name: str

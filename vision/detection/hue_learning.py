@@ -17,8 +17,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
     frame_bgr: (height, width, 3) uint8; at_px: position of the mark u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture. Raises HueError if there are too few or too many pixels of one
-    colour around the position, or if they are grey.
+    Raises ValueError for a position outside the picture. Raises HueError if the pixels of one colour around the
+    position are too few, too many, or grey.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -56,8 +56,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
     """Mask of the connected pixels around u, v that have the colour of pixel u, v: 1, else 0, (h, w).
 
-    Otsu's threshold separates these pixels in a window around u, v by the distance of their colours from the colour of
-    pixel u, v; brightness is ignored. The window grows until no pixel of the mask is on its border.
+    Otsu's threshold separates these pixels from others in a window, by the distance of their colours from the colour of
+    pixel u, v without brightness. The window grows until no pixel of the mask is on its border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

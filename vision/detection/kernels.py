@@ -24,7 +24,7 @@ RAYS = np.column_stack(
 )
 """Directions of the rays as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Convergence tolerance of a step, relative to the mark's half axes; after a smaller step, one more step is made."""
+"""Tolerance of a step, relative to the mark's half axes. After a step below the tolerance, one more step is made."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -99,7 +99,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _median(counts, n):  # type: ignore[no-untyped-def]
-    """Twice the median of n whole numbers; counts: how often each number occurs."""
+    """Twice the median of n whole numbers; counts: number of occurrences of each whole number."""
     low, high, below = -1, -1, 0
     for value in range(len(counts)):
         below += counts[value]
@@ -236,7 +236,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`; at least the noise's variance.
 
     weights: weight of each pixel's noise, (h, w); 0 for unused pixels
-    This sum divided by n is the variance of a mean of n pixels. For white noise the sum is the noise's variance.
+    This sum divided by n is the variance of a mean of n pixels. For white noise, the sum equals the noise's variance.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -288,7 +288,7 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
     """Half the difference between alpha and alpha rotated by 180 degrees about the centre, (h, w).
 
-    A mark is symmetric under that rotation. So the difference shows noise, compression and wear.
+    A mark is symmetric under this rotation. The difference therefore shows noise, compression and wear.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -313,7 +313,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of the mark's pixels `solid`, their mean colour, (3,), and their mean contrast to the background, (3,)."""
+    """Number of pixels of the mark's interior `solid`; their mean colour, (3,); contrast to the background, (3,)."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -461,7 +461,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Outermost point on each ray at which alpha falls below 0.5, relative to start [half axes], and their number."""
+    """Outermost point on each ray at which alpha falls below 0.5, relative to start [half axes]; number of points."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -490,7 +490,7 @@ def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _through(a, b, c):  # type: ignore[no-untyped-def]
-    """Centre and radius of the circle through three points; the radius is 0 if they are on a line."""
+    """Centre and radius of the circle through three points; the radius is 0 if the points are on a line."""
     bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
     d = 2.0 * (bx * cy - by * cx)
     if abs(d) < 1e-9:
@@ -502,7 +502,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The best circle (x, y, size) through three edge points: many of the others on it, few beyond, a size near 1."""
+    """The best circle (x, y, size) through three edge points: most points on it, few beyond it, a size near 1."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -542,7 +542,7 @@ def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
-    """Fit of a circle to edge points by Tukey's robust least squares, from a start circle.
+    """Fit of a circle to edge points by Tukey's robust least squares, beginning with the circle `start`.
 
     Returns the circle (x, y, size), the inverse of its normal matrix, (3, 3), the variance of an edge point, the
     variance of waves around the outline, and the shares of rays with an edge point on the circle and beyond it.
@@ -659,7 +659,7 @@ def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _without_gaps(piece):  # type: ignore[no-untyped-def]
-    """Whether the pixels of a piece are contiguous in each row; then the piece has no holes."""
+    """Whether the pixels of a piece are contiguous in each row, so that the piece has no holes."""
     for row in range(piece.shape[0]):
         runs = 0
         for column in range(1, piece.shape[1]):
@@ -671,7 +671,7 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """The only large connected piece of a class, if it does not touch the border; other pieces must be negligible.
+    """The only large connected piece of a class, if it does not touch the border and other pieces are negligible.
 
     Returns whether there is such a piece, its mask with filled holes, (h, w), and its first and last row and column.
     """
@@ -731,7 +731,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether a box has pixels of a class, and a smaller box around them; only every fourth pixel is tested."""
+    """Whether a box has pixels of a class, and a smaller box around these pixels; only every fourth pixel is tested."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -749,7 +749,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """Whether a box has exactly one mark of a class; the position of its patch, then alpha and numbers of `covered`."""
+    """Whether a box has exactly one mark of a class; position of its patch; alpha and numbers of `covered`."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -775,7 +775,7 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Marks that are the only marks of their class in a box: whether each was found and is whole, (n,), and numbers.
+    """The only mark of a class in each of n boxes: whether it was found and is whole, (n,), and numbers, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
     classes: number of the class, and least number of a mark's pixels, (n, 2)
@@ -783,7 +783,7 @@ def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits
     outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
     covering: border around a mark [px], settings and fit_pixels of `covered`
     fitting: settings of `fitted`; limits: limits of `agreed`
-    The numbers are the centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r, (n, 11).
+    The numbers are the centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """
     (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)
     found, marks = np.zeros(n, dtype=np.bool_), np.zeros((n, 11))

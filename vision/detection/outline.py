@@ -1,7 +1,7 @@
-"""Outline of a mark: the centre of a partly covered mark follows from the visible part of its outline.
+"""Outline of a mark. The visible part of the outline gives the centre of a partly covered mark.
 
 If a needle or a hand covers part of a mark, the centre of gravity of its pixels is not its centre. The longer the
-visible part of the outline, the more accurate is the centre. Image axes: u right, v down, pixels.
+visible part of the outline, the more accurate is the centre. Image axes: u right, v down, in pixels.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Outline:
     shape_px: matrix that maps the unit disc to the mark, relative to its centre [px], shape (2, 2)
     size_sd: relative standard deviation of its size
     area_px: area of the whole mark, computed from shape_px [px]
-    even: whether the mark has one colour; if not, as a shaded ball, it is detected by its rim
+    even: whether the mark has one colour; if not, as for a shaded ball, the mark is detected by its rim
     """
 
     shape_px: Floats
@@ -47,9 +47,10 @@ class Outline:
 class Fitted:
     """An outline fitted to the edge points of a mark. Each ray from the mark's middle has at most one edge point.
 
-    center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
+    center_px, cov_px2: the centre [px], (2,), and covariance of the centre [px²], (2, 2)
     share: share of the rays whose edge point lies on the fitted outline
-    beyond: share of the rays whose edge point lies outside it, for example if blood or another mark touches the mark
+    beyond: share of the rays whose edge point lies outside the outline, for example because blood or another mark
+        touches the mark
     size: size of the fitted outline, relative to the given outline
     """
 
@@ -65,7 +66,7 @@ def fit_outline(
 ) -> Fitted | None:
     """Fit an outline to the visible edge of a mark; None if too little of the edge is visible.
 
-    alpha: share of each pixel that the mark covers, 0 far from it, (h, w)
+    alpha: share of each pixel that the mark covers, 0 far from the mark, (h, w)
     start_px: a point inside the visible part, relative to the first pixel of alpha [px], (2,)
     """
     u, v, uu, uv, vv, share, beyond, size = kernels.fitted(

@@ -15,7 +15,7 @@ from vision.detection.hue import MarkHue
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Colour classes as `kernels.classify` needs them; the classes have the numbers 1, 2, 3 ..."""
+    """Colour classes in the form that `kernels.classify` needs. The classes have the numbers 1, 2, 3 ..."""
 
     table: Picture
     least_value: Floats
@@ -24,7 +24,7 @@ class Palette:
 
 @lru_cache(maxsize=16)
 def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
-    """One class for each of these hues, in their order; if ranges overlap, a pixel belongs to the nearest hue."""
+    """One class for each of these hues, in their order. If ranges overlap, a pixel belongs to the nearest hue."""
     steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
     distances = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
     half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
@@ -42,7 +42,7 @@ def equal(classes: Picture, number: int) -> Picture:
 
 
 def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
-    """The class of each pixel after smoothing, or shrinking by `scale`, because noise would split small marks."""
+    """Class of each pixel after smoothing, or after shrinking by `scale`: noise would split small marks."""
     if scale == 1:
         smooth = cv2.blur(part, (3, 3))
     else:

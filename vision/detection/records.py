@@ -19,14 +19,14 @@ class HueError(ValueError):
 class Detection:
     """One detected mark.
 
-    center_px: its centre [px], shape (2,)
+    center_px: centre of the mark [px], shape (2,)
     cov_px2: covariance of the centre [px²], shape (2, 2)
-    area_px: its visible area [px]
-    hue_deg: nominal hue of its kind of mark [degrees]
-    clipped: whether it touches the border of the searched part, so that some of it may be outside
-    occluded: whether its centre follows from the visible part of its outline, because something may hide the rest
-    color_bgr: colour of its core [grey levels]
-    size: its size, relative to the given outline
+    area_px: visible area of the mark [px]
+    hue_deg: nominal hue of the kind of mark [degrees]
+    clipped: whether the mark touches the border of the searched part, so that some of it may be outside
+    occluded: whether the centre follows from the visible part of the outline, because something may hide the rest
+    color_bgr: colour of the mark's core [grey levels]
+    size: size of the mark, relative to the given outline
     """
 
     center_px: Floats
@@ -45,9 +45,9 @@ class Reason(StrEnum):
     FEW_PIXELS = "too few pixels of its hue"
     """The hue has fewer pixels than a mark must show: the mark is covered, in shadow, or of another hue than stated."""
     SMALL = "too small in the picture"
-    """Too few pixels have the hue. The mark is expected so small that perhaps no pixel shows only its hue."""
+    """Too few pixels have the hue. The mark is expected to be so small that perhaps no pixel shows only the mark."""
     SIZE = "wrong size"
-    """The pixels are a whole mark of another diameter, or they are more than a mark has."""
+    """The pixels form a whole mark of another diameter, or there are more pixels than a mark has."""
     SHAPE = "wrong shape"
     """The pixels are too elongated, or have no edge on the outline of a mark."""
     CONTRAST = "no contrast"
@@ -57,21 +57,21 @@ class Reason(StrEnum):
     COLOUR = "another colour"
     """The pixels are in the mark's range of hues, but their colour differs from such marks in earlier frames."""
     UNLIKE = "unlike itself before"
-    """A mark was detected, but neither it nor any position nearby looks like this mark in earlier frames."""
+    """A mark was detected, but neither the detection nor any position nearby looks like this mark in earlier frames."""
     AMBIGUOUS = "one of two that touch"
     """The mark was detected, but it touches another mark, and their names may be exchanged."""
     TAKEN = "taken for another mark"
-    """The only detection of its hue near the expected position was assigned to another mark."""
+    """The only detection of this hue near the expected position was assigned to another mark."""
     FAR = "too far from where it was expected"
-    """All detections of its hue are beyond the gate of the expected position."""
+    """All detections of this hue are beyond the gate around the expected position."""
     OUTSIDE = "outside the picture"
-    """Its expected position is outside the picture."""
+    """The expected position is outside the picture."""
     AWAY = "faces away from the camera"
     """For cameras in space: the mark is on a side of the body that a camera cannot see."""
     APART = "in different places for two cameras"
     """For cameras in space: two or more cameras detect the mark, but their rays do not meet."""
     FLOODED = "its hue is all over the picture"
-    """Its hue covers a larger part of the picture than marks can."""
+    """The hue covers a larger part of the picture than marks can cover."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

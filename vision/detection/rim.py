@@ -1,7 +1,7 @@
-"""Detection of the rim, which is the outline, of a mark without uniform colour: a ball with shading or a highlight.
+"""Detection of the rim (outline) of a mark without uniform colour, such as a ball with shading or a highlight.
 
 If the colour varies over the mark, the share of each pixel that the mark covers cannot be estimated. But colour changes
-in a step at the outline. Image axes: u right, v down, pixels.
+in a step at the outline. Image axes: u right, v down, in pixels.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from vision.detection.outline import Fitted, Outline
 from vision.detection.settings import DETECTION, DetectionSettings
 
 N_STEPS = 3
-"""Number of colour steps stored for each ray, because not only the rim causes steps."""
+"""Number of colour steps stored for each ray. Several are stored, because not only the rim causes steps."""
 
 
 def fit_rim(
     patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline, settings: DetectionSettings = DETECTION
 ) -> Fitted | None:
-    """The outline with the most and the strongest colour steps on it; None if there are too few.
+    """The outline with the most and the strongest colour steps on it; None if there are too few steps.
 
     patch_bgr: (h, w, 3)
-    starts: starts of the fit: centre u v in the patch [px], and size relative to the given outline, (n, 3)
+    starts: initial values of the fit: centre u v in the patch [px], and size relative to the given outline, (n, 3)
     """
     rim, edge = settings.rim, settings.outline
     limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px
@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """The strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y relative to start [sizes], height [levels]."""
+    """Strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y relative to start [sizes], height [levels]."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))

@@ -1,4 +1,4 @@
-"""Detection of a mark by its rim alone, for example if blood of its colour touches it."""
+"""Detection of a mark by its rim alone, for example if blood of the mark's colour touches the mark."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Settings of mark detection.
 
-The unit [sizes] means: relative to the half axes of the mark's outline.
+The unit [sizes] is the half axes of the mark's outline.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class CoverageSettings:
     grow_px: distance over which lens, colour mosaic and compression spread a pixel [px]; choice. The mark's edge may be
         this far outside the component, and noise is correlated up to this lag.
     pad_px: width of the border around the component; the outer part of the border is background [px]; choice
-    core_px: pixels that are farther than this inside the component show only the mark [px]; choice
+    core_px: depth inside the component beyond which pixels show only the mark [px]; choice
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
     edge_gain: variance of the noise at the edge, relative to the variance of half the difference of two pixels [1];
@@ -39,15 +39,16 @@ class CoverageSettings:
 class OutlineSettings:
     """Settings for the fit of an outline to the edge of a mark.
 
-    reach: length of the rays, from the middle of the visible part, along which edge points are searched [sizes]; choice
+    reach: length of the rays on which edge points are searched, from the middle of the visible part [sizes]; choice
     near_px: an edge point within this distance of the fitted outline lies on it [px]; choice
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
-    highest_wave: highest order of the Fourier coefficients of the residuals around the outline that measure the noise,
-        from order 2 on [1]; choice
+    highest_wave: the Fourier coefficients of the residuals around the outline, from order 2 to this order, measure the
+        noise [1]; choice
     edge_sd_px: least standard deviation of an edge point [px]; choice
-    min_share: least share of rays with an edge point on the outline; least visible share of a mark's area [1]; choice
-    whole_share: least share of rays, and of the mark's area, for a mark that is not occluded; a piece may be several
-        touching marks if it is larger than the mark's area divided by this [1]; choice
+    min_share: least share of rays with an edge point on the outline, and least visible share of a mark's area [1];
+        choice
+    whole_share: least share of rays, and least share of the mark's area, for a mark that is not occluded [1]; choice. A
+        piece whose area exceeds the mark's area divided by whole_share may be several touching marks.
     """
 
     reach: float = 2.0
@@ -75,14 +76,14 @@ class OutlineSettings:
 class RimSettings:
     """Settings for the fit of a mark's rim (its outline) to steps of colour.
 
-    around: steps are searched on each ray up to this distance inside and outside the outline [sizes]; choice
+    around: distance from the outline, inside and outside, within which steps are searched on each ray [sizes]; choice
     blur_px: standard deviation of the smoothing before the search [px]; choice
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
     wide: largest distance of a step from the fitted outline in the first iteration [sizes]; choice
     narrow_px: largest distance of a step from the fitted outline in the last iteration [px]; choice
     min_share: least share of rays with a step on the outline, weighted by contrast, for a mark that is not occluded
         [1]; choice
-    min_share_alone: least share of rays, weighted by contrast, if the mark is detected by its rim alone [1]; choice
+    min_share_alone: as min_share, if the mark is detected by its rim alone [1]; choice
     smear_gain: added variance of the centre, relative to the spread of the mark's pixels due to motion [1]; choice
     shading: added standard deviation of the centre of a completely visible shaded ball [sizes]; choice
     """
@@ -104,8 +105,8 @@ class ComponentSettings:
 
     max_picture_share: largest share of the picture that a hue of marks may cover [1]; choice
     max_elongation: largest ratio of longest to shortest axis [1]; choice
-    max_noise: largest noise around a mark, relative to the mark's contrast; for a stain of blood it is larger [1];
-        choice
+    max_noise: largest noise around a mark, relative to the mark's contrast [1]; choice. A stain of blood has more
+        noise.
     """
 
     max_picture_share: float = 0.3
@@ -117,13 +118,14 @@ class ComponentSettings:
 class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
-    gate: largest squared Mahalanobis distance between the centres of one mark by coverage and by outline, and between
-        an expected position and a start of the search for the rim alone [1]; source: chi-square, 2 dof, 99.9 %
+    gate: largest squared Mahalanobis distance between a mark's centre by coverage and its centre by outline [1];
+        source: chi-square, 2 dof, 99.9 %. A search for the rim alone starts within this distance of the expected
+        position.
     agree_sd_px: added standard deviation of the difference of two centres of one mark [px]; choice
-    min_area: least area of a component, relative to the mark's area; its inverse is the largest one [1]; choice
+    min_area: least area of a component, relative to the mark's area; the largest area is 1 / min_area [1]; choice
     grain_noise: noise, relative to contrast, from which on errors along an outline are correlated [1]; choice
     grain_gain: largest relative increase of an outline's covariance due to this correlation [1]; choice
-    blurred: spread of the pixels of a mark at rest, relative to the spread of its outline [1]; choice
+    blurred: spread of the pixels of a mark without motion, relative to the spread of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -162,7 +164,7 @@ class HueLearningSettings:
     min_pixels: least number of pixels of one colour [1]; choice
     max_distance: largest difference between the colours of one mark, relative to the distance from grey [1]; choice
     sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
-    min_width_deg: least half width of a learned range; the largest is sds times this [degrees]; choice
+    min_width_deg: least half width of a learned range [degrees]; choice. The largest half width is sds * min_width_deg.
     paler, darker: least saturation and least value of marks, relative to those of the pixels [1]; choice
     """
 

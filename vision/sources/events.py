@@ -21,9 +21,9 @@ class EventKind(StrEnum):
     FROZEN = "FROZEN"
     """A picture repeats bit for bit, or values repeat to the last digit."""
     DROPPED = "DROPPED"
-    """A read failed; the source is read again, then reopened."""
+    """A read failed. The source is read again, and then reopened."""
     SPARSE = "SPARSE"
-    """At least half of the pictures are lost, or the source records at most half as many as usual."""
+    """At least half of the pictures are lost, or the source records at most half as many pictures as usual."""
     RESUMED = "RESUMED"
     """New pictures come after a fault, or no more pictures are lost."""
     RESIZED = "RESIZED"
@@ -31,16 +31,16 @@ class EventKind(StrEnum):
     REFUSED = "REFUSED"
     """An input is not a frame, or its time is not in order."""
     ASIDE = "ASIDE"
-    """The first observed marks are far from their expected positions; with other units or axes they would be near."""
+    """The first observed marks are far from their expected positions, but would be near with other units or axes."""
     CLOCK = "CLOCK"
-    """The source's own times stand still, go back or drift; arrival times are used instead."""
+    """The source's own times stand still, go back or drift. Arrival times are used in their place."""
     ENDED = "ENDED"
     """No more frames will come."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceEvent:
-    """An event of a source: its time on the clock of exposure times [s], its kind, and a line of text."""
+    """An event of a source: time on the clock of exposure times [s], kind, and a line of text."""
 
     time_s: float
     kind: EventKind
@@ -51,7 +51,7 @@ class SourceEvent:
 
 
 class SourceOf(Protocol[F_co]):
-    """Protocol of a source of frames in order of exposure."""
+    """Protocol of a source of frames, in the order of their exposure."""
 
     @property
     def frames_dropped(self) -> int:
@@ -59,7 +59,7 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def origin_s(self) -> float:
-        """Frame time at which the source's own time axis, such as a film's, is zero [s]."""
+        """Frame time at which the source's own time, such as the time in a film, is zero [s]."""
 
     @property
     def ended(self) -> bool:
@@ -84,7 +84,7 @@ class SourceOf(Protocol[F_co]):
 
 
 class Source(SourceOf[Frame], Protocol):
-    """Protocol of a source of pictures in order of exposure."""
+    """Protocol of a source of pictures, in the order of their exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield frames until the source ends; faults do not stop the iteration. Raises SourceError."""

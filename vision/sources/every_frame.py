@@ -1,4 +1,4 @@
-"""Source of every frame of a file, as fast as they are requested."""
+"""Source of every frame of a file, as fast as the frames are requested."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from vision.sources.frames import Closing, Frame
 
 
 class FrameFile(Protocol):
-    """Protocol of a file of frames in order, open until closed."""
+    """Protocol of a file of frames in order. The file is open until it is closed."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames from the first one on."""
@@ -22,12 +22,12 @@ class FrameFile(Protocol):
 class EveryFrame(Closing):
     """Source of every frame of a file or folder, in order, without thread or clock.
 
-    State: the remaining frames; the last frame; events that were not fetched yet; whether it ended.
+    State: the remaining frames; the last frame; events that were not fetched yet; whether the source has ended.
     """
 
     frames_dropped = 0
     origin_s = 0.0
-    """As `SourceOf.origin_s`; 0, because the frames have the file's own times [s]."""
+    """Value of `SourceOf.origin_s` [s]: 0, because the frames have the file's own times."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames
@@ -42,7 +42,7 @@ class EveryFrame(Closing):
         return self._ended
 
     def next(self, timeout_s: float = 0.0) -> Frame | None:
-        """The next frame; None after the last. Raises SourceError."""
+        """The next frame; None after the last frame. Raises SourceError."""
         frame = None if self._ended else next(self._coming, None)
         if frame is None:
             if not self._ended:

@@ -1,7 +1,7 @@
-"""Exposure times of frames: of devices on the monotonic clock, of films in their own time. Tests of arrival times.
+"""Exposure times of frames: on the monotonic clock for devices, in the film's own time for films.
 
-The arrival time of a frame is the monotonic time at which grab() returned it. A rule computes exposure times. It is
-used from one opening of a source to the next, and is called once for each frame, in order.
+The arrival time of a frame is the monotonic time at which grab() returned the frame. A rule computes exposure times.
+Each opening of a source has a new rule, which is called once for each frame, in order. `Arrivals` tests arrival times.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ ROUNDING_S = 1.1e-3
 
 
 ExposureRule = Callable[[Any, float], float]
-"""Function of a capture and of a frame's arrival time [s] that returns the frame's exposure time [s]."""
+"""Function from a capture and a frame's arrival time [s] to the frame's exposure time [s]."""
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
-    """Exposure time on the monotonic clock, which the capture itself reports as CAP_PROP_POS_MSEC [s]."""
+    """Exposure time on the monotonic clock [s], as the capture itself reports it (CAP_PROP_POS_MSEC)."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 class DeviceTimes:
     """Rule for the exposure times of a device: half a frame interval before the frame was complete.
 
-    Devices do not report how long exposure and read-out take: half the median frame interval is assumed. At first, a
+    Devices do not report how long exposure and read-out take; half the median frame interval is assumed. At first, a
     frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, the
-    device's own time, CAP_PROP_POS_MSEC, is used. Device times are plausible if they increase, and if their delay, from
-    device time to arrival time, varies by at most clock_error_s. The least delay of the last remembered_frames frames
-    is added to the device time, because frames may come late but never early. Up to settled_frames late frames in a
-    row, for example from a queue after a pause, are not used for this delay.
+    device's own time, CAP_PROP_POS_MSEC, is used. Device times are plausible if they increase, and if their delay
+    (arrival time minus device time) varies by at most clock_error_s. The least delay of the last remembered_frames
+    frames is added to the device time, because frames may come late but never early. Up to settled_frames late frames
+    in a row, for example from a queue after a pause, are not used for this delay.
 
-    late_s: delay of the present frames, if it grew by more than settings.blocked_s because frames come from a queue or
-        the device's clock was set back; otherwise 0 [s]
+    late_s: increase of the delay [s], if it exceeds settings.blocked_s, otherwise 0; the cause is a queue of frames, or
+        a device's clock that was set back
     State: late_s; device times and arrival times of the last frames; numbers of plausible and of late frames in a row;
-    the delay before it grew [s].
+    the delay before the increase [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -97,10 +97,10 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Rule for exposure times that uses another rule until the times of that rule stop increasing.
+    """Rule for exposure times that uses another rule until the times of the other rule stop increasing.
 
-    If they do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival times minus
-    a constant delay. This is the delay of the last frame whose time increased.
+    If these do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival times minus
+    a constant: the delay of the last frame whose exposure time increased.
 
     State: time and delay of that frame [s]; number of frames since then; whether arrival times are used; a fault that
     `take_fault` has not returned yet.
@@ -113,7 +113,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time of the frame with the arrival time grabbed_s [s]; it may repeat the last exposure time."""
+        """Exposure time of the frame with the arrival time grabbed_s [s]. It may equal the last exposure time."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -133,7 +133,7 @@ class RisingTimes:
 
     @property
     def by_source(self) -> bool:
-        """Whether exposure times follow from the source's own times, not from arrival times."""
+        """Whether exposure times follow from times of the source, not from arrival times."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
@@ -143,7 +143,7 @@ class RisingTimes:
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
-        """Text of the last fault of the source's times since the last call; None without a fault."""
+        """Text of the last fault in the source's times since the last call; None if there was none."""
         fault, self._fault = self._fault, None
         return fault
 
@@ -151,9 +151,9 @@ class RisingTimes:
 class FilmTimes:
     """Exposure times of a film's frames, from 0 on [s].
 
-    A frame's time is index / rate if the container's time agrees within `ROUNDING_S`, otherwise the container's time.
-    Once a container's time is not finite or does not increase, all later times are index / rate. Without a rate, or if
-    a container's time differed before, ValueError is raised instead.
+    If the time in the container agrees with index / rate within `ROUNDING_S`, the frame's time is index / rate.
+    Otherwise it is the container's time. If a container's time is not finite or does not increase, this and all later
+    times are index / rate. If there is no rate, or if a container's time has differed before, ValueError is raised.
 
     State: number of frames; the container's first and last time [s]; whether a container's time differed, or was wrong.
     """
@@ -167,7 +167,7 @@ class FilmTimes:
         self._failed = False
 
     def __call__(self, container_s: float) -> float:
-        """Exposure time of the next frame [s]; container_s: its time in the container [s]."""
+        """Exposure time of the next frame [s]; container_s: time of this frame in the container [s]."""
         index, self._index = self._index, self._index + 1
         if index == 0 and np.isfinite(container_s):
             self._first_s = container_s
@@ -190,11 +190,12 @@ class FilmTimes:
 class Arrivals:
     """Test whether the arrival times of pictures determine their exposure times.
 
-    After a pause, in which a read did not return for `settings.blocked_s`, pictures may come late from a queue.
-    Arrival times do not show whether the source queued the pictures of the pause or lost them. So all further pictures
-    are assumed to be late, until pictures come much faster than usual and have emptied the queue, or a read fails: no
-    read fails while a picture waits. If the source itself reports exposure times, this assumption is not needed. If an
-    interval is not a multiple of the usual one, pictures waited for an unknown time: arrivals are uneven.
+    If a read does not return for `settings.blocked_s`, the pause may have filled a queue, and pictures then come late.
+    Arrival times do not show whether the source queued or lost the pictures of the pause. All pictures after the pause
+    are therefore assumed to be late, until pictures come much faster than usual and have emptied the queue. A failed
+    read also ends this assumption, because no read fails while a picture waits. If the source itself reports exposure
+    times, the assumption is not needed. If an interval is not a multiple of the usual interval, pictures waited for an
+    unknown time: arrivals are uneven.
 
     late_s: largest delay of pictures beyond the usual delay [s]
     State: late_s; arrival time of the last picture [s]; the last intervals [s]; time of the last uneven arrival [s].
@@ -208,7 +209,7 @@ class Arrivals:
         self._uneven_s = -np.inf
 
     def came(self, now_s: float, *, by_source: bool = False) -> None:
-        """Record the arrival of a picture, new or repeated; by_source: the source itself reports its exposure time."""
+        """Record the arrival of a new or repeated picture; by_source: whether the source reports its exposure time."""
         before_s, self._last_s = self._last_s, now_s
         if by_source:
             self._uneven_s = -np.inf
@@ -232,7 +233,7 @@ class Arrivals:
             self._uneven_s = now_s
 
     def failed(self) -> None:
-        """Record a failed read: no picture waits."""
+        """Record a failed read, which shows that no picture waits."""
         self._last_s, self.late_s = None, 0.0
 
     def uneven(self, now_s: float) -> bool:

@@ -1,4 +1,4 @@
-"""All frames of files in order, each with its exposure time."""
+"""All frames of files, in order, each with its exposure time."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """Pictures of several cameras at one exposure time [s]; images: by camera, the pixels, (height, width, 3) BGR."""
+    """Pictures of several cameras at one exposure time [s]; images: pixels, (height, width, 3) BGR, by camera."""
 
     exposure_s: float
     images: dict[str, Image]
@@ -81,7 +81,7 @@ def bgr(picture: Any) -> Image:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Suppress OpenCV's warnings on the terminal, because the caller reports an error in one line."""
+    """Suppress OpenCV's warnings on the terminal. The caller reports an error in one line."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -91,7 +91,7 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def opencv_name(path: FilePath) -> str:
-    """A file's name for OpenCV and FFmpeg. Raises SourceError for a name that is not in UTF-8.
+    """Name of a file for OpenCV and FFmpeg. Raises SourceError for a name that is not in UTF-8.
 
     Relative names begin with a dot: otherwise FFmpeg would read the part before a colon as a protocol.
     """
@@ -119,8 +119,8 @@ class VideoFileFrames(Closing):
 
     exposures_s: exposure time of each frame [s]; None: index / fps or, without fps, the film's own times (`FilmTimes`)
 
-    Raises SourceError if the film cannot be opened. Iteration raises it if the film has no times, or if the numbers of
-    frames and exposure times differ.
+    Raises SourceError if the film cannot be opened. Iteration raises SourceError if the film has no times, or if the
+    numbers of frames and exposure times differ.
     """
 
     def __init__(self, path: FilePath, exposures_s: Sequence[float] | None = None, *, fps: float | None = None) -> None:
@@ -161,7 +161,7 @@ class VideoFileFrames(Closing):
 class FolderFrames(Closing):
     """Pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
-    Raises SourceError if the numbers of pictures and exposure times differ, or a picture is missing or unreadable.
+    Raises SourceError if the numbers of pictures and exposure times differ, or if a picture is missing or unreadable.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -190,7 +190,7 @@ def count_numbered(folder: FilePath) -> int:
 
 
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
-    """Number of frames in a film, counted by reading all of it, because its header may be wrong. Raises SourceError.
+    """Number of frames in a film, counted by reading the film, because its header may be wrong. Raises SourceError.
 
     advance: called with the completed share, 0 to 1, estimated from the header
     """

@@ -22,7 +22,7 @@ from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
 """Interval between tests for faults, and between attempts after failed reads [s]; choice: less than a frame interval
-at 30 frames/s. New frames do not wait for it."""
+at 30 frames/s. New frames are delivered without this delay."""
 
 
 class Capture(Protocol):
@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: time of its last progress [s], longest time without progress [s], whether it was replaced."""
+    """A reading thread: time of its last progress [s], largest time without progress [s], whether it was replaced."""
 
     alive_s: float
     may_hang_s: float
@@ -56,20 +56,20 @@ class Reader:
 class LiveFrames(Closing):
     """Source of the newest frames of a camera or stream. Each frame is delivered at most once.
 
-    open_capture: function that opens the source; it runs in a reading thread, because a dead device may block it
-    ends: whether a failed read of a capture means that the source has ended; otherwise it is a fault
+    open_capture: function that opens the source. It runs in a reading thread, because a dead device may block it.
+    ends: whether a failed read of a capture means that the source has ended; if not, it is a fault
     keep: largest number of frames that wait for delivery; if there are more, the oldest frame is dropped
-    exposures: function that makes a rule for exposure times after each opening; default: `DeviceTimes`
-    may_repeat: whether equal successive pictures are delivered, as in a film; otherwise repeated pictures are dropped
+    exposures: function that makes a new rule for exposure times at each opening; default: `DeviceTimes`
+    may_repeat: whether equal successive pictures are delivered, as in a film; if not, repeated pictures are dropped
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for faults
-    clock, nap: the monotonic clock [s], and a function that pauses; None: a pause that `close()` ends
+    clock, nap: the monotonic clock [s], and a function that pauses; default of nap: a pause that `close()` ends
     origin: function that returns `origin_s`
-    waits: whether reading begins with the first call of `next`, as for a film; otherwise it begins at once
+    waits: whether reading begins with the first call of `next`, as for a film; if not, it begins at once
 
-    If the source cannot be opened at first, `next` raises SourceError. If it is lost later, it is reopened repeatedly.
-    State, shared with the threads: waits; waiting frames; the last pictures; the tests for faults; events that were not
-    fetched yet; the reading threads, and the thread that read the last picture.
+    If the source cannot be opened at first, `next` raises SourceError. If the source is lost later, it is reopened
+    repeatedly. State, shared with the threads: waits; waiting frames; the last pictures; the tests for faults; events
+    that were not fetched yet; the reading threads, and the thread that read the last picture.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the source's own time axis, such as a film's, is zero [s]; 0 without such an axis."""
+        """Clock time at which the source's own time, such as the time in a film, is zero [s]; 0 without such a time."""
         return self._origin()
 
     @property
@@ -133,7 +133,7 @@ class LiveFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """Largest delay of the present pictures beyond the usual delay, after a pause of the source [s]."""
+        """Largest delay of the present pictures beyond the usual delay [s], due to a pause of the source."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
@@ -149,7 +149,7 @@ class LiveFrames(Closing):
     def next(self, timeout_s: float) -> Frame | None:
         """The oldest waiting frame; None at the end, or if no frame comes within timeout_s [s].
 
-        Raises SourceError if the source cannot be opened, or delivers no frame for give_up_s. An exception in the
+        Raises SourceError if the source cannot be opened, or if it delivers no frame for give_up_s. An exception in the
         reading thread is raised here.
         """
         until = self._clock() + timeout_s
@@ -193,7 +193,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order. Only calls of `next` detect faults."""
+        """The events since the last call, in order. Faults are detected only during calls of `next`."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -326,7 +326,7 @@ class LiveFrames(Closing):
                 self._arrivals.failed()
 
     def close(self) -> None:
-        """Stop. A reading thread releases the device when its present read returns."""
+        """Stop reading. A reading thread releases the device when its present read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

@@ -36,7 +36,7 @@ def open_source(
 ) -> Source:
     """Open a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
-    live: if True, only the newest frame is delivered, and files play at the speed of their exposure times; otherwise
+    live: if True, only the newest frame is delivered, and files play at the speed of their exposure times. If False,
         files are read as fast as requested, and up to settings.backlog frames of a device or stream wait for delivery
     fps: frame rate of a folder of pictures; for a film, it replaces the film's own times [frames/s]
     give_up_s, settings: as in `LiveFrames`
@@ -69,12 +69,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of a file's frames: if live, as `played`; otherwise every frame, as fast as requested."""
+    """Source of a file's frames: if live, as `played`; if not, every frame, as fast as requested."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source of a file's newest frames, which plays at the speed of its exposure times; start: see `Playback`."""
+    """Source of a file's newest frames, played at the speed of its exposure times; start: see `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,

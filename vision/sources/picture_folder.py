@@ -1,4 +1,4 @@
-"""Frames from the pictures in a folder; they may have any names."""
+"""Frames from the pictures in a folder. The pictures may have any names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 def natural_order(path: Path) -> tuple[list[str | int], str, Path]:
-    """Sort key for files by name, in which numbers are compared as numbers: frame2 is before frame10."""
+    """Sort key for files by name. Numbers in names are compared as numbers: frame2 comes before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name, path
 
@@ -28,7 +28,7 @@ def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path
 class PictureFolderFrames:
     """Pictures of a folder in `natural_order`, at a given frame rate.
 
-    Raises SourceError if there are no pictures; iteration raises it for a picture that cannot be read.
+    Raises SourceError if there are no pictures. Iteration raises SourceError for a picture that cannot be read.
     """
 
     def __init__(self, folder: FilePath, fps: float) -> None:

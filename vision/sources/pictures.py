@@ -20,7 +20,7 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels, (height, width), of each picture: of sharp frames of a film, then of files by name.
+    """Name and grey levels, (height, width), of each picture: first of the sharp frames of a film, then of each file.
 
     Raises SourceError for unreadable files, a second film, repeated names, and pictures of different sizes.
     """
@@ -40,7 +40,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
 
 
 def grey_picture(path: FilePath) -> Image:
-    """Grey levels of a picture file, (height, width); the rotation in its metadata is ignored. Raises SourceError."""
+    """Grey levels of a picture file, (height, width). The rotation in its metadata is ignored. Raises SourceError."""
     file = Path(path)
     if not file.is_file():
         raise SourceError(f"{file}: expected a picture, found no such file")
@@ -48,7 +48,7 @@ def grey_picture(path: FilePath) -> Image:
 
 
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """Name, as "frame 000123", and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
+    """The sharpest frame in each of n parts of a film: name, such as "frame 000123", and grey levels (height, width).
 
     Raises SourceError as `VideoFileFrames` does.
     """

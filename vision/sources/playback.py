@@ -21,9 +21,9 @@ class Start:
 
 
 class Playback:
-    """Capture that delivers each frame of a file at its exposure time after the start, which is the first grab().
+    """Capture that plays a file: it delivers each frame at the frame's exposure time after the first call of grab().
 
-    start: start time, shared by films that play together
+    start: start time, common to films that play together
     State: the remaining frames, the present frame, the start time.
     """
 

@@ -1,4 +1,4 @@
-"""Film in numbered pieces. If the writer is killed, all complete pieces remain readable."""
+"""Film in numbered pieces. If the writing process is killed, all complete pieces remain readable."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
 """File name extension of a piece, by codec."""
 
 NOMINAL_FPS = 30.0
-"""Frame rate in a piece's header [frames/s]; the true exposure times are stored elsewhere."""
+"""Frame rate in the header of a piece [frames/s]. The true exposure times are stored elsewhere."""
 
 
 class SegmentWriter:
-    """Writer of a film in pieces into an existing empty folder: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG).
+    """Writer of a film in pieces, into an existing empty folder: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG).
 
     If `finish` is interrupted, it can be called again.
     State: the unfinished piece, a hidden file; the number of complete pieces.
@@ -51,7 +51,7 @@ class SegmentWriter:
     def finish(self) -> None:
         """Finish the unfinished piece: sync it to the disk, then rename it to its final name.
 
-        If frames of the piece are missing, it is deleted, and SourceError is raised.
+        If frames of the piece are missing, the piece is deleted, and SourceError is raised.
         """
         if self._piece is not None:
             self._piece.close(sync=True)
@@ -66,7 +66,7 @@ class SegmentWriter:
 
 
 def segments_in(folder: FilePath) -> list[Path]:
-    """The complete pieces in a folder, in order. Raises SourceError if there are none, or a number is missing."""
+    """The complete pieces in a folder, in order. Raises SourceError if there are none, or if a number is missing."""
     paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
@@ -82,7 +82,7 @@ def count_segment_frames(folder: FilePath) -> int:
 
 
 class SegmentFrames(Closing):
-    """Frames of all pieces in order, with exposure times [s]; frames after the last exposure time are omitted.
+    """Frames of all pieces in order, with exposure times [s]. Frames after the last exposure time are omitted.
 
     Raises SourceError if pieces are missing, cannot be read, or have fewer frames than times. State: the open piece.
     """

@@ -17,16 +17,16 @@ from vision.sources.playback import Start
 from vision.sources.settings import DEFAULTS
 
 TOGETHER_S = 1e-3
-"""Largest difference between the times of pictures that count as simultaneous [s]; choice: cameras with a common
-trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm in this time."""
+"""Largest difference between the exposure times of simultaneous pictures [s]; choice: cameras with a common trigger
+differ by less. A mark at 0.1 m/s moves by 0.1 mm in this time."""
 
 JITTER_S = 5e-3
 """Tolerance of the predicted exposure time of a camera's next picture [s]; choice: the error of an exposure time that
-follows from an arrival time."""
+was computed from an arrival time."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for the next picture of another camera, and for the first picture of another camera [s]; choices: less
-than a frame interval at 30 frames/s, and enough for cameras that open one after the other."""
+"""Longest wait for the next picture of another camera, and for its first picture [s]; choice. The first is less than a
+frame interval at 30 frames/s, the second is enough for cameras that open one after the other."""
 
 POLL_S = 2e-3
 """Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
@@ -35,9 +35,9 @@ POLL_S = 2e-3
 class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras. Each picture is delivered at most once.
 
-    Pictures whose exposure times differ by at most `TOGETHER_S` are one exposure. A picture is held back while another
-    camera is expected to deliver an earlier picture. An exposure is dropped if all its cameras have newer pictures. The
-    next exposure of these cameras is then delivered first, so that a slow caller gets pictures of every camera.
+    Pictures whose exposure times differ by at most `TOGETHER_S` are one exposure. A picture waits while another camera
+    is expected to deliver an earlier picture. An exposure is dropped if all its cameras have newer pictures. The next
+    exposure of these cameras is then delivered first, so that a slow caller gets pictures of every camera.
     sources: source of each camera by name; clock, nap: the monotonic clock [s], and a function that pauses
     State: pictures of each camera that were not delivered yet, with their arrival times [s]; the last exposure times
     [s]; cameras whose last picture was dropped; number of pictures that this object dropped.
@@ -64,7 +64,7 @@ class SeveralFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """As `LiveFrames.origin_s`, of the first camera [s]."""
+        """Value of `LiveFrames.origin_s` for the first camera [s]."""
         return next(iter(self.sources.values())).origin_s
 
     @property
@@ -84,16 +84,16 @@ class SeveralFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """As `LiveFrames.late_s`, the largest of all cameras [s]."""
+        """Largest value of `LiveFrames.late_s` among the cameras [s]."""
         return max(one.late_s for one in self.sources.values())
 
     @property
     def uneven(self) -> bool:
-        """As `LiveFrames.uneven`, for any camera."""
+        """Whether `LiveFrames.uneven` is true for any camera."""
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The newest exposure that was not delivered yet; None at the end, or after a wait of timeout_s [s]."""
+        """The next exposure that was not delivered yet; None at the end, or if none comes within timeout_s [s]."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()
@@ -107,7 +107,7 @@ class SeveralFrames(Closing):
             self._nap(min(until - now, POLL_S))
 
     def _fetch(self) -> None:
-        """Fetch the newest picture of each camera; this call also detects the camera's faults."""
+        """Fetch the newest picture of each camera. Only this call detects a camera's faults."""
         for name, source in self.sources.items():
             try:
                 frame = source.next(0.0)
@@ -141,7 +141,7 @@ class SeveralFrames(Closing):
         self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether a camera is expected to deliver soon a picture that was exposed before exposure_s [s]."""
+        """Whether a camera will probably soon deliver a picture with an exposure time before exposure_s [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False

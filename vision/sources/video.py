@@ -21,8 +21,8 @@ class VideoWriter:
     """Writer of a film. The file has a temporary name until the film is complete.
 
     codec: see `Codec`; MJPG needs a path that ends in .avi; quality: JPEG quality, 1 to 100
-    If the block of its `with` statement raises an exception, the file is deleted.
-    State: the open writer, the number of frames, whether it ended.
+    If an exception is raised in the writer's `with` block, the file is deleted.
+    State: the open writer, the number of frames, whether the film has ended.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film, then rename it to its final name; sync: whether to write it to the disk before that.
+        """Finish the film, then rename it to its final name; sync: whether to write it to the disk before renaming.
 
         If frames are missing, for example because the disk is full, the film is deleted, and SourceError is raised.
         OpenCV does not report write errors. If this call is interrupted, it can be repeated.

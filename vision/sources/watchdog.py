@@ -22,8 +22,9 @@ DARK = 60
 class SourceWatchdog:
     """Detects faults of a live source from the arrival times of its pictures.
 
-    A failed read is a fault. `check` reports a fault if no read returned for too long, or if reads returned only the
-    same picture for too long: longer than settings.blocked_s and than settings.slow_intervals frame intervals.
+    A failed read is a fault. `check` also reports a fault if no read returned for too long, or if reads returned only
+    the same picture for too long. Too long is more than settings.blocked_s and more than settings.slow_intervals frame
+    intervals.
 
     may_repeat: whether pictures may repeat, like those of a film
 
@@ -40,7 +41,7 @@ class SourceWatchdog:
         self._repeats = False
 
     def begin(self, now_s: float) -> None:
-        """Expect pictures from this time on [s]."""
+        """Expect pictures from a time on [s]."""
         self.new_s = self._answer_s = now_s
 
     @property
@@ -72,7 +73,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """The events if the source has been blocked or frozen for too long at this time [s]."""
+        """The events at a time [s], if the source has been blocked or frozen for too long."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -90,17 +91,18 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""A new frame must differ from this many last frames: a hung driver may deliver its buffers, usually four, in turn."""
+"""Number of last frames from which a new frame must differ: a hung driver may deliver its buffers in turn."""
 
 
 class FrozenValues:
-    """Detects frames whose values equal, to the last digit, those of one of the last `IN_TURN` frames.
+    """Detects frames that repeat one of the last `IN_TURN` frames: their values are equal to the last digit.
 
-    Because of noise, new values almost never repeat. Some senders send each frame several times. So the source is
-    frozen only after two more repeats in a row than the median number of repeats. A frame without values is ignored.
+    Because of noise, new values almost never repeat. Some senders send each frame several times. The source is
+    therefore frozen only if the number of repeats in a row, plus one, exceeds the median number of repeats by at least
+    settings.stuck_frames. A frame without values is ignored.
 
     frozen: whether the source is frozen now
-    State: frozen; the last new frames; number of repeats of each; time of the newest [s].
+    State: frozen; the last new frames; number of repeats of each frame; time of the newest frame [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -111,7 +113,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Whether the values of a frame, by name, repeat and must not be used, and the events to report."""
+        """Whether the values of a frame, by name, repeat and must not be used; the events to report."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -136,9 +138,9 @@ class SparsePictures:
     """Detects from exposure times that at least half of the pictures are lost.
 
     The usual interval is the median of the last intervals. A gap is an interval of more than 1.5 usual intervals.
-    Pictures are sparse if the last n = `settings.stuck_frames` intervals last 2 n usual ones, and two of them are gaps.
-    An interval below half the usual one shows that the reader was late, and that pictures had waited. The fault is
-    reported once, and ends after `settings.even_s` without a gap.
+    Pictures are sparse if the last n = `settings.stuck_frames` intervals together last at least 2 n usual intervals,
+    and at least two of them are gaps. An interval below half the usual interval shows that the reader was late, so that
+    pictures had to wait. The fault is reported once, and ends after `settings.even_s` without a gap.
 
     State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s];
     the intervals since pictures last waited [s]; time of the last gap [s], None if pictures are not sparse.
@@ -153,7 +155,7 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """Ignore the interval between the last picture and the next one, after a pause."""
+        """After a pause, ignore the interval between the last picture and the next one."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:

@@ -1,4 +1,4 @@
-"""Synthetic frames with known truth, by plain or realistic camera models.
+"""Synthetic frames with known truth, from plain or realistic camera models.
 
 Detectors must not import code from here.
 """

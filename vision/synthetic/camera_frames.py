@@ -1,7 +1,7 @@
 """Synthetic frames with marks at exactly known sub-pixel positions; models of lens, light, motion and sensor.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane. Light is linear, BGR.
-`vision/synthetic/plain_frames.py` has a simpler camera model.
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane. Light is linear, in
+BGR order. `vision/synthetic/plain_frames.py` has a simpler camera model.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 class Highlight:
     """Mirror image of the lamp on each mark.
 
-    size: its radius, relative to the mark's radius
+    size: radius of the highlight, relative to the mark's radius
     strength: share of the mark's colour that white replaces, 0 to 1
-    offset: its position relative to the mark's centre, along x and y of the plane [radii of the mark]
+    offset: position relative to the mark's centre, along x and y of the plane [radii of the mark]
     """
 
     size: float = 0.2
@@ -40,8 +40,8 @@ class Shadow:
     """A shadow with a soft, straight edge.
 
     depth: share of light that the shadow removes, 0 to 1
-    edge_px: a point in the middle of its edge, where it removes half as much [px]
-    towards_deg: direction in which it darkens, 0 right, 90 down [degrees]
+    edge_px: a point in the middle of the edge, where the shadow removes half of this share [px]
+    towards_deg: direction in which the shadow becomes darker, 0 right, 90 down [degrees]
     softness_px: standard deviation of the edge, whose profile is a logistic function [px]
     """
 
@@ -53,7 +53,7 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticCamera:
-    """A camera in front of a plane, with a lamp; by default only the view has an effect.
+    """A camera in front of a plane, with a lamp. By default only the view has an effect.
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
@@ -65,7 +65,7 @@ class SyntheticCamera:
     slope: relative decrease of light from one border of the picture to the other along slope_deg
     slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
     flicker: relative amplitude of the lamp's flicker, which is visible because rows are exposed one after the other
-    flicker_period_px: number of rows in one period of the flicker [px]; flicker_phase: its phase [radians]
+    flicker_period_px: number of rows in one period of the flicker [px]; flicker_phase: phase of the flicker [radians]
     highlight: mirror image of the lamp on marks; shadow: a soft shadow; None: not present
 
     Raises ValueError that names the invalid field.
@@ -104,10 +104,10 @@ class SyntheticCamera:
 class SyntheticMark:
     """A coloured disc on the plane, with its motion while the shutter is open.
 
-    path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
-        mark's true position is that of the middle moment
-    radius_m: its radius [m]
-    hue_deg, saturation, value: its colour under white light, in sRGB
+    path_m: centre at evenly spaced moments of the exposure [m], shape (n_moments, 2), with n_moments odd. The centre at
+        the middle moment is the mark's true position.
+    radius_m: radius of the disc [m]
+    hue_deg, saturation, value: colour under white light, in sRGB
     """
 
     path_m: Floats
@@ -131,8 +131,8 @@ class SyntheticFrame:
     """A synthetic frame with its truth.
 
     image: (height, width, 3) BGR uint8
-    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2); they are not exactly the
-        centres of the ellipses in the picture
+    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2). They are not exactly the
+        centres of the ellipses in the picture.
     visible: share of each mark that is in the picture and not covered, shape (n_marks,)
     """
 

@@ -18,16 +18,16 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of rows in each band of a needle. Bands are faster to draw than one box around a whole slanted needle."""
+"""Number of rows in each band of a needle. Bands are drawn faster than one box around a whole slanted needle."""
 
 
 @dataclass(frozen=True, slots=True)
 class OccludingNeedle:
     """A straight metal needle in front of marks.
 
-    tip_px, tail_px: its ends [px]
-    width_px: its width [px]
-    gloss: brightness of the lamp's reflection along it, 0 to 1
+    tip_px, tail_px: ends of the needle [px]
+    width_px: width of the needle [px]
+    gloss: brightness of the lamp's reflection along the needle, 0 to 1
     """
 
     tip_px: tuple[float, float]
@@ -40,12 +40,12 @@ class OccludingNeedle:
 class OccludingHand:
     """A hand, out of focus, that covers marks with its fingers.
 
-    tip_px: the end of its longest finger [px]
+    tip_px: end of the longest finger [px]
     towards_deg: direction in which the fingers point, 0 right, 90 down [degrees]
     finger_px: half the width of a finger [px]
     n_fingers: number of fingers, 1 to 4
     skin_srgb: colour of the skin in sRGB: red, green, blue, 0 to 1
-    softness_px: standard deviation of the blur of its outline [px]
+    softness_px: standard deviation of the blur of the hand's outline [px]
     """
 
     tip_px: tuple[float, float]
@@ -57,7 +57,7 @@ class OccludingHand:
 
 
 def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
-    """Layers of a needle, one for each band of rows; the coverage of pixels at its edges is accurate to 1e-2."""
+    """Layers of a needle, one for each band of rows. The coverage of pixels at its edges is accurate to 1e-2."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
     along = (tail - tip) / length
@@ -155,7 +155,7 @@ def blood_layer(
 
 
 def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator, *, texture: float = 0.0) -> Picture:
-    """Linear BGR light from a plane of this colour, (height, width, 3); texture: its relative unevenness."""
+    """Linear BGR light from a plane of one colour, (height, width, 3); texture: relative unevenness of the light."""
     surface = np.ones((size_px[1], size_px[0], 3)) * light_of(srgb)[::-1]
     if texture:
         uneven = 0.7 * _clouds(size_px, 40.0, rng) + 0.5 * _clouds(size_px, 5.0, rng) + 0.5 * _clouds(size_px, 1.0, rng)

@@ -1,4 +1,4 @@
-"""Layers of a drawn scene: each has a colour, and covers a share of each pixel in part of the picture.
+"""Layers of a drawn scene. A layer has a colour, and covers a share of each pixel in part of the picture.
 
 A colour is the share of light that the object reflects, linear, in BGR order.
 """
@@ -19,7 +19,7 @@ class Layer:
 
     left, top: position of the first element of alpha in the picture [px]; it may lie outside the picture
     alpha: the share of each pixel that the object covers, 0 to 1, shape (n_rows, n_columns)
-    color_bgr: its colour, shape (3,), or that of each pixel, shape (n_rows, n_columns, 3)
+    color_bgr: colour of the object, shape (3,), or of each of its pixels, shape (n_rows, n_columns, 3)
     """
 
     left: int
@@ -53,7 +53,7 @@ def take(free: Picture, layer: Layer) -> float:
 
 
 def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Rows and columns of the part of a layer inside the picture: in the picture, then in the layer."""
+    """Rows and columns of the part of a layer inside the picture: first in the picture, then in the layer."""
     inside, own = [], []
     for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
         low, high = max(start, 0), min(start + length, int(size))

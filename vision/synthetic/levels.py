@@ -44,7 +44,7 @@ def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> Synthetic
 
 
 def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A random camera with every effect of `SyntheticCamera`. The strengths are a choice: the range of webcams."""
+    """A random camera with every effect of `SyntheticCamera`, with strengths in the range of webcams (a choice)."""
     lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
     balanced = float(rng.uniform(0.5, 1.0))
     gains = np.array(_cast(lamp, -balanced))
@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour raised to a power: above 0, a weaker cast of this colour; below 0, gains that reduce the cast."""
+    """A lamp's colour raised to a power. A negative power gives gains that reduce the colour cast."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

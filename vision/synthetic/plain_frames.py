@@ -1,7 +1,7 @@
 """Synthetic frames of a camera without perspective, with marks at exactly known sub-pixel positions.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Hues: 0 red, 120 green, 240 blue. Saturation and
-value are 0 to 1, grey levels 0 to 255.
+value range from 0 to 1, grey levels from 0 to 255.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of horizontal chords in each row of pixels, from which a disc's coverage is computed; accurate to 1e-3."""
+"""Number of horizontal chords in each row of pixels from which a disc's coverage is computed, with an error of 1e-3."""
 BLUR_REACH = 4.0
 """Distance from an edge at which its blur ends [standard deviations of the blur]."""
 
@@ -30,11 +30,11 @@ BLUR_REACH = 4.0
 class Disc:
     """A coloured disc in the picture.
 
-    center_px: its centre [px], shape (2,)
+    center_px: centre at mid-exposure [px], shape (2,)
     axes_px: semi-axes along u and v [px]
     lean: shear, as for a disc seen obliquely: shift along u per pixel below the centre [1]
-    hue_deg, saturation, value: its colour
-    smear_px: its motion along u and v while the shutter is open [px]; center_px is the position at mid-exposure
+    hue_deg, saturation, value: colour of the disc
+    smear_px: motion along u and v while the shutter is open [px]
     """
 
     center_px: Floats
@@ -68,7 +68,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """Effects of light, lens and sensor on a frame; the defaults are for a good webcam in front of acrylic.
+    """Effects of light, lens and sensor on a frame. The defaults are for a good webcam in front of acrylic.
 
     background_bgr: colour of the acrylic in full light [grey levels]
     slope: relative decrease of light from the picture's upper left to its lower right
@@ -78,8 +78,8 @@ class Lighting:
     shot_noise_sd: standard deviation of the shot noise at level 255 [grey levels]
     grain_px: standard deviation of a Gaussian that smooths the noise [px]; 0 for white noise
     mark_strength: opacity of the marks: 1 for fresh marks, less for worn marks
-    wander_px: standard deviation, per axis, of a random shift of each mark in each frame [px], for errors that are not
-        visible in the picture
+    wander_px: standard deviation, on each axis, of a random shift of each mark in each frame [px], for errors that are
+        not visible in the picture
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -125,7 +125,7 @@ def draw_frame(
 def distractors(
     n: int, size_px: tuple[int, int], rng: np.random.Generator, keep_clear_of_hues: Sequence[float]
 ) -> list[Disc]:
-    """Discs with random positions, sizes and hues; their hues differ by at least 50 degrees from these hues."""
+    """Discs with random positions, sizes and hues. Their hues differ by at least 50 degrees from the given hues."""
     clear = [h for h in range(0, 360, 5) if all(hue_distance(h, kept) >= 50.0 for kept in keep_clear_of_hues)]
     if n and not clear:
         raise ValueError(f"keep_clear_of_hues: expected to leave a hue free, found {list(keep_clear_of_hues)}")
@@ -141,9 +141,9 @@ def paper_camera() -> Lighting:
     """Lighting with which detected marks have the error that the paper states, 4.14 mm.
 
     Marks are 7 px wide, at 4.4 mm per pixel, in films of MJPG quality 60. The paper states only the error; every value
-    here is a choice. If sensor noise alone caused the error, at least one mark in twenty could not be recognised. So
-    most of the error is a random shift of the marks: the paper's reference was marked manually. The scene of the film
-    must state this shift in calibration_sd_px.
+    here is a choice. With so much error from sensor noise alone, at least one mark in twenty could not be recognised.
+    Most of the error is therefore a random shift of the marks: the paper's reference was marked manually. The scene of
+    the film must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
@@ -233,7 +233,8 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
     """Random numbers with standard deviation 1, (2 height, 2 width, 3).
 
-    Each frame uses a random part of them with a random sign, because new noise would take longer than all other steps.
+    Each frame uses a random part of these numbers with a random sign, because new noise would take longer than all
+    other steps.
     """
     bank: Picture = np.random.default_rng(20).standard_normal((2 * height, 2 * width, 3), dtype=np.float32)
     if grain_px:

@@ -46,7 +46,7 @@ FASTEST_PX = 20.0
 class RunFrame:
     """A frame of a run.
 
-    time_s: time of mid-exposure [s]; camera: the camera at that time, since its lamps and exposure drift
+    time_s: time of mid-exposure [s]; camera: the camera at this time, with the drift of its lamps and exposure
     marks: the marks; frame: the picture with its truth
     """
 
@@ -62,7 +62,7 @@ class Sway:
     """A smooth motion on the plane: a sum of sines about a home position.
 
     home_m: the home position [m], shape (2,); amplitudes_m: amplitudes of the sines [m], shape (n_sines, 2)
-    rates_hz: their frequencies [Hz], shape (n_sines,); phases: their phases [radians], shape (n_sines, 2)
+    rates_hz: frequencies of the sines [Hz], shape (n_sines,); phases: phases [radians], shape (n_sines, 2)
     """
 
     home_m: Floats
@@ -224,7 +224,7 @@ def _no_cover(time_s: float) -> list[Layer]:
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
     """Function from a time [s] to occluding layers. In some runs there is a moving needle, a moving hand, or both.
 
-    Each is aimed at the home position of a mark: otherwise it would seldom cover a mark.
+    Each of them is aimed at the home position of a mark, because it would otherwise seldom cover a mark.
     """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)

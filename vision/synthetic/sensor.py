@@ -22,13 +22,13 @@ BLACK = 4096
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A camera's sensor and software; by default they only round light to grey levels.
+    """A camera's sensor and software. By default they only round light to grey levels.
 
     bayer: whether the sensor has a Bayer mosaic, RGGB from the first pixel on
     full_well_e: number of electrons at light 1; the variance of shot noise is light / full_well_e
     read_noise_e: standard deviation of the noise in the dark [electrons]; more than 0 needs a finite full_well_e
     gains_bgr: gains of the white balance, applied after the noise
-    gamma: whether grey levels follow the sRGB curve; otherwise they are proportional to light
+    gamma: whether grey levels follow the sRGB curve; if not, they are proportional to light
     jpeg_quality: quality of JPEG compression, 1 to 100; None: no compression
     """
 
@@ -63,13 +63,13 @@ def srgb_of(light: ArrayLike) -> Floats:
 
 
 def light_of(srgb: ArrayLike) -> Floats:
-    """Convert sRGB values to linear light, both from 0 to 1, (...); the inverse of `srgb_of`."""
+    """Convert sRGB values to linear light, both from 0 to 1, (...). It is the inverse of `srgb_of`."""
     y = np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
     return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
 
 
 def develop(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Image:
-    """Picture, (height, width, 3) uint8, from linear light, (height, width, 3) float32; a mosaic needs an even size."""
+    """Picture, (height, width, 3) uint8, from linear light, (height, width, 3) float32; a mosaic needs even sizes."""
     height, width = light.shape[:2]
     if sensor.bayer and (height % 2 or width % 2):
         raise ValueError(f"light: expected an even width and height for a mosaic, found {width} x {height}")

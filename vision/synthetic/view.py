@@ -1,7 +1,7 @@
 """Projection of a synthetic camera: a lens with distortion, a pose, and the exact image of a disc on the plane.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x and y, metres. Camera axes: x right,
-y down, z forward, as in OpenCV.
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x and y, in metres. Camera axes:
+x right, y down, z forward, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Box = tuple[int, int, int, int]
 """Box of pixels: left, top, right + 1, bottom + 1 [px]; it may extend outside the picture."""
 
 SAMPLES_PER_PIXEL = 8
-"""Number of sub-samples of a pixel along each axis; a disc may cover part of a sub-sample."""
+"""Number of sub-samples of a pixel along each axis. A disc may cover part of a sub-sample."""
 MOVING_SAMPLES_PER_PIXEL = 4
-"""Number of sub-samples along each axis for a moving disc; fewer suffice, because motion averages over them."""
+"""Number of sub-samples along each axis for a moving disc. Fewer are enough, because motion averages over them."""
 NODES = 9
-"""Number of Chebyshev nodes along each axis of a box; in a box of 100 px, distorted rays err by 1e-6 px."""
+"""Number of Chebyshev nodes along each axis of a box. In a box of 100 px, the error of distorted rays is 1e-6 px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class SyntheticView:
             raise ValueError("view translation_m: expected the lens off the plane, found it in the plane")
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projections [px], (n, 2), of points of the plane [m], (n, 2); ValueError for points behind the lens."""
+        """Projections of points on the plane [m], (n, 2), to the picture [px], (n, 2); ValueError behind the lens."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         before = p @ self.rotation[:, :2].T + self.translation_m
         if not (before[:, 2] > 0).all():
@@ -82,7 +82,7 @@ class SyntheticView:
         return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points of the plane [m], (n, 2), at positions in the picture [px], (n, 2); ValueError beyond the horizon."""
+        """Points on the plane [m], (n, 2), from positions in the picture [px], (n, 2); ValueError past the horizon."""
         rays = self.rays(points_px)
         directions = np.column_stack([rays, np.ones(len(rays))])
         normal = self.rotation[:, 2]
@@ -93,7 +93,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """Size of a pixel on the plane [m]: the root of the area that it covers; center_m: point of the plane, (2,)."""
+        """Size of a pixel on the plane [m]: square root of its area there; center_m: point of the plane, (2,)."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]
@@ -135,7 +135,7 @@ def disc_box(view: SyntheticView, path_m: Floats, radius_m: float) -> Box:
 
 
 def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float) -> Floats:
-    """The share of each pixel in the box that a disc covers, averaged over the moments of its path.
+    """The share of each pixel in the box that a disc covers, averaged over the moments of the disc's path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
     Returns shape (bottom - top, right - left), 0 to 1. From a radius of 2 px on, the disc's area is accurate to 1e-3.
@@ -164,7 +164,7 @@ def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: i
 
 
 def _interpolation(low: int, high: int, n_samples: int) -> tuple[Floats, Floats]:
-    """Chebyshev nodes from low to high [px], and the matrix that interpolates from nodes to sub-samples."""
+    """Chebyshev nodes from low to high [px], and the matrix that interpolates from the nodes to sub-samples."""
     nodes, inverse = _nodes()
     n = (high - low) * n_samples
     at = 2.0 * (np.arange(n) + 0.5) / n - 1.0

@@ -1,7 +1,7 @@
 """Appearance model of a mark: its last complete views, and their best match in a picture.
 
 If blood of a mark's colour touches the mark, or a hand covers half of it, the pixels of this colour do not have the
-mark's shape. Then the picture is compared pixel by pixel with earlier views. Image axes: u right, v down, pixels.
+mark's shape. The picture is then compared pixel by pixel with earlier views. Image axes: u right, v down, in pixels.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
     center_px: centre of the mark [px], (2,)
-    score: similarity inside the mark minus the weighted similarity of the ring around it, from -1.5 to 1.5
+    score: similarity inside the mark minus the weighted similarity of the ring around the mark, from -1.5 to 1.5
     share: share of similar pixels in the mark; around: similarity between the ring and the mark's colour, from -1 to 1
     color_bgr: median colour of the similar pixels [grey levels]
-    weighed: the score minus a loss for the distance from the mark's expected position
+    weighed: score minus a loss for the distance from the mark's expected position
     """
 
     center_px: Floats
@@ -49,7 +49,7 @@ class AppearanceMatch:
 class _Template:
     """The median view of a mark and its surroundings.
 
-    inside, ring: pixels of the mark and of the ring around it, relative to its centre, each (n, 2)
+    inside, ring: pixels of the mark and of the ring around the mark, relative to the mark's centre, each (n, 2)
     colors: colours of the pixels `inside`, (n, 3)
     core, behind: median colours of the pixels `inside` and `ring`, each (3,)
     """
@@ -63,7 +63,7 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is too similar to the mark to distinguish them."""
+        """Whether the background is so similar to the mark that they cannot be distinguished."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
@@ -80,7 +80,7 @@ class _View:
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The view transformed to the shape with this inverse, (2, 2), up to `half` pixels from the mark's centre."""
+        """The view transformed to a shape with a given inverse, (2, 2), up to `half` pixels from the mark's centre."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -131,10 +131,11 @@ class AppearanceModel:
     ) -> AppearanceMatch | None:
         """The best match of the mark's appearance near its expected position.
 
-        about_px, within_px: if given, a centre [px], (2,), and the largest distance of compared positions from it [px]
+        about_px, within_px: if given, only positions in a circle are compared: its centre [px], (2,), and its
+            radius [px]
         another: whether to fit the mark's colour at each position, for example after a change of light
 
-        Returns None if the search range is too large, or the mark cannot be distinguished from its background.
+        Returns None if the search range is too large, or if the mark cannot be distinguished from its background.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
@@ -179,7 +180,7 @@ class AppearanceModel:
         )
 
     def _template(self, outline: Outline) -> _Template:
-        """The median of the stored views, each transformed to the shape of this outline."""
+        """The median of the stored views, each transformed to the shape of an outline."""
         settings, half, shape = self._settings, _half(outline, self._settings), outline.shape_px
         key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
@@ -203,9 +204,9 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """For positions in a box: the result of `likeness`, and the scores minus the loss for distance from expectation.
+    """For the positions in a box: results of `likeness`, and scores minus the loss for the distance from expectation.
 
-    part, corner: part of the picture, and the position of its first pixel; box: u0, v0, u1, v1 in the whole picture
+    part, corner: part of the picture, and position of its first pixel; box: u0, v0, u1, v1 in the whole picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)

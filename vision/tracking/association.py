@@ -1,4 +1,4 @@
-"""Association of detections with the nodes of marks: one assignment for the whole frame."""
+"""Association of detections with the marks of nodes: one assignment for the whole frame."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER
 
 SAME_CLASS_DEG = 1.0
-"""Largest difference of hues in one class [degrees], which allows for rounding in files."""
+"""Largest difference between hues of one class, which allows for rounding in files [degrees]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +36,9 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most probable pairs of mark and detection, in the order of `expected`; other marks are omitted.
+    """The most probable pairs of mark and detection, in the order of `expected`. Marks without a pair are omitted.
 
-    The members of a pair have one hue, and their squared Mahalanobis distance d² is at most `gate`. Of the assignments
+    In a pair, both have the same hue, and the squared Mahalanobis distance d² is at most `gate`. Of the assignments
     with the most pairs, the one with the least sum of d² + log det S is chosen. S is the innovation covariance.
     """
     if not detections or not expected:

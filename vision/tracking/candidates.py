@@ -17,9 +17,10 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match of a mark's appearance model is the mark.
+    """Whether a match of a mark's appearance model shows the mark.
 
-    color_distance: distance of its colour, as in `AdaptiveHue.distance`; above 1, the match needs a higher score
+    color_distance: distance of the match's colour, as in `AdaptiveHue.distance`. Above 1, the match needs a higher
+        score.
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -28,7 +29,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark. Score and ring have stricter limits than in `is_mark`.
+    """Whether a match with a fitted colour is a mark, as after a change of light; stricter limits than in `is_mark`.
 
     color_distance: as in `is_mark`, for the fitted colour
     """
@@ -39,17 +40,17 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """The least score of a match [1]; if color_distance exceeds 1, it is multiplied by the square of color_distance."""
+    """Least score of a match [1]: `score`, multiplied by the square of color_distance if that exceeds 1."""
     return score * max(color_distance, 1.0) ** 2
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether the ring around a match certainly shows background."""
+    """Whether the ring of pixels around a match certainly shows background."""
     return match.around < settings.free
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Detection of a mark at the centre of a match; the lower the score, the larger its covariance [px²]."""
+    """Detection of a mark at the centre of a match. The lower the score, the larger is the covariance [px²]."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)
@@ -58,7 +59,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour. If a rim is close, the centre is the mean of both centres.
+    """As `detection_at`, for a match with a fitted colour. If a rim is close, the mean of both centres is used.
 
     frame_bgr: (height, width, 3) uint8
     """
@@ -85,7 +86,7 @@ def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: D
 
 
 def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """The detection, moved to the mean of its centre and a match's centre [px], weighted by covariances [px²]."""
+    """The detection, with its centre replaced by the weighted mean of its centre and a match's centre [px]."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center_px = seen.center_px + gain @ (match.center_px - seen.center_px)

@@ -25,8 +25,9 @@ SQUARE_2 = np.ones((2, 2), np.uint8)
 class Distractor:
     """A new object in the picture that has the colour of marks but is not a mark.
 
-    hue_deg: nominal hue of the marks with its colour; like: name of the nearest of these marks
-    center_px: centre of its largest connected part [px], (2,); size: its area, relative to the area of a mark [1]
+    hue_deg: nominal hue of the marks with this colour; like: name of the nearest of these marks
+    center_px: centre of the object's largest connected part [px], (2,)
+    size: area of the object, relative to the area of a mark [1]
     """
 
     hue_deg: float
@@ -37,7 +38,7 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """Numbers of sampled pixels that have a hue but lie outside the marks.
+    """Numbers of sampled pixels that have a mark's hue but lie outside the marks.
 
     of_late: numbers in the last frames; known: number of pixels of known objects
     n_seen: number of frames; reported: number of pixels of new objects in the last report
@@ -50,11 +51,11 @@ class _Level:
 
 
 class DistractorWatch:
-    """Reports each new or growing object in a mark's colour once, if its area is comparable to that of a mark.
+    """Reports each new or growing object in a mark's colour once, if its area is comparable to the area of a mark.
 
-    To save time, it examines only a few pixels per mark diameter. It does not report objects that were in the first
-    frames, and objects that get a mark's colour because the colour range adapts: these objects are known. While a mark
-    is missing, no object of its hue is reported, because that object may be the mark.
+    To save time, only a few pixels per mark diameter are examined. Known objects are not reported: objects in the first
+    frames, and objects that get a mark's colour because the colour range adapts. While a mark is missing, no object of
+    its hue is reported, because the object may be the mark.
     State: the colour ranges in the last frame; numbers of sampled pixels by nominal hue.
     """
 
@@ -122,7 +123,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether to report a new object; n: number of sampled pixels outside marks; mark: number in one mark."""
+        """Whether to report a new object; n, mark: numbers of sampled pixels outside marks, and in a mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -163,5 +164,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """Mask of those pixels that belong to a square of 2 x 2 set pixels."""
+    """Mask of the pixels that belong to a square of 2 x 2 set pixels."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

@@ -1,4 +1,4 @@
-"""Finder of a scene's marks: it searches near expected positions, names detections, and adapts to marks' colours."""
+"""Finder of a scene's marks. It searches near expected positions, names detections, and adapts to marks' colours."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ from vision.tracking.templates import AppearanceTemplates
 class MarkFinder:
     """Finds marks by their hue and names them by their expected positions, frame after frame.
 
-    It searches near expected positions. In the first frame, and if a mark is missing, it searches the whole picture.
+    The finder searches near expected positions. In the first frame, and if a mark is missing, it searches the whole
+    picture.
     hues: colour range of each kind of mark; settings: settings of all stages
-    explain: whether to record why marks were not found, in `lost`, and new distractors, in `came`
-    State: adapted colours; appearance models; names of marks missed in the last frame, None before the first frame;
-    with explain, the search of the last frame, and the state of the distractors.
-    Raises HueError if two marks of one hue have different colour ranges, ValueError for an unknown stage.
+    explain: whether to record the reasons for missing marks in `lost`, and new distractors in `came`
+    State: adapted colours; appearance models; names of the marks missed in the last frame, None before the first frame.
+    With explain, also the search of the last frame, and the state of the detector of distractors.
+
+    Raises HueError if two marks of one hue have different colour ranges. Raises ValueError for an unknown stage.
     """
 
     def __init__(
@@ -48,11 +50,11 @@ class MarkFinder:
         expected: Sequence[Expected],
         expected_after_impulse: Callable[[str], Expected] | None = None,
     ) -> list[AssociatedMark]:
-        """The found marks, in any order; marks that are not found are omitted.
+        """Find marks in a frame; returns the found marks in any order.
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
-        expected_after_impulse: function from a mark's name to its expected position if an impulse has moved it
+        expected_after_impulse: function from a mark's name to its expected position if an impulse has moved the mark
         """
         search = Search(
             frame_bgr,
@@ -78,7 +80,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Reasons why marks were not found in the last frame; empty if the finder has explain = False."""
+        """Marks that were not found in the last frame, with reasons; empty if the finder has explain = False."""
         search = self._last
         if search is None or search.rejections is None:
             return ()

@@ -1,4 +1,4 @@
-"""Adaptation of marks' colour ranges to drift of lamps, white balance and exposure."""
+"""Adaptation of the colour ranges of marks to drift of lamps, white balance and exposure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST = 0.01
 class AdaptiveHue:
     """The colour range of a kind of mark, adapted from frame to frame.
 
-    now: the present colour range of this kind
+    now: the present colour range
     State: now; the number of frames from which it was learned; the mean colour, as change of hue since the start
     [degrees], saturation and log of value; the variances of hue and saturation.
     """
@@ -37,7 +37,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared Mahalanobis distance of a detection's colour, relative to the gate; 0 until the colour is learned."""
+        """Squared Mahalanobis distance of a detection's colour, divided by the gate; 0 until the colour is learned."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
@@ -48,7 +48,7 @@ class AdaptiveHue:
         return squared / settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
-        """Update the colour range with the colours of found marks; occluded and clipped marks are ignored."""
+        """Update the colour range with the colours of found marks. Occluded and clipped marks are ignored."""
         first, settings = self._first, self._settings
         colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.occluded or d.clipped)]
         if not colors:

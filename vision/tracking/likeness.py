@@ -1,7 +1,7 @@
 """Compiled comparison of a picture with a mark's appearance, position by position.
 
 frame: (height, width, 3) uint8; box: compared positions, from (u0, v0) up to but not including (u1, v1) [px]
-inside, ring: pixels of the mark and of the ring around it, relative to the mark's centre, each (n, 2)
+inside, ring: pixels of the mark and of the ring around the mark, relative to the mark's centre, each (n, 2)
 colors: colours of the pixels `inside`, (n, 3); core, behind: median colours of `inside` and `ring`, each (3,)
 settings: from `AppearanceSettings.for_kernel`
 """
@@ -12,12 +12,12 @@ import numpy as np
 from numba import njit
 
 N_FITS = 2
-"""Number of iterations in the fit of a colour; more iterations do not change the result."""
+"""Number of iterations in the fit of a colour. More iterations do not change the result."""
 
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
-    """Pixels inside a mark, and in the ring around it, relative to its centre, each (n, 2).
+    """Pixels inside a mark, and in the ring around the mark, relative to the mark's centre, each (n, 2).
 
     inverse: inverse of the mark's shape, (2, 2); half: distance from the centre to the ring's outer edge [px]
     margin, ring_px: see `AppearanceSettings`
@@ -64,7 +64,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write into `weights`, (n, 3), the weights of `_squared_distance` for each of these colours, (n, 3)."""
+    """Write the weights of `_squared_distance` for each of n colours (n, 3) into `weights`, (n, 3)."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -73,7 +73,7 @@ def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """Weighted squared distance between a pixel and a colour; below 1 they are similar. weight: (3,)."""
+    """Weighted squared distance between a pixel and a colour. They are similar if it is below 1. weight: (3,)."""
     b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
     return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
@@ -169,9 +169,9 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """Fit the mark's colour at a position: the mean over all pixels, then over the similar ones.
+    """Fit the mark's colour at a position: the mean over all pixels, then the mean over similar pixels.
 
-    It writes own_core, (1, 3), own_colors, (n, 3), and weights, (n, 3).
+    The results are written into own_core, (1, 3), own_colors, (n, 3), and weights, (n, 3).
     """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0

@@ -1,4 +1,4 @@
-"""Reasons why marks were not found in a frame, from the rejections of the finder's stages."""
+"""Reasons why marks were not found in a frame, derived from what the finder's stages rejected."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Rejections:
     """What the finder rejected in one frame.
 
     pieces: rejected groups of connected pixels; detections: rejected detections with the reason
-    dropped: by name of the mark, the reason why a found mark was rejected later, and its detection
+    dropped: for each mark that was found and rejected later, by name: the reason, and its detection
     flooded: the error if a hue covers most of the picture
     """
 
@@ -44,7 +44,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Record a rejected candidate; without a reason nothing is recorded, because a later stage decides."""
+        """Record a rejected candidate. Without a reason nothing is recorded, because a later stage decides."""
         if reason is None:
             return
         if name is not None:
@@ -53,7 +53,7 @@ class Rejections:
             self.detections.append((seen, reason))
 
     def begin_again(self) -> None:
-        """Clear the rejections of the earlier stages, before the whole picture is searched."""
+        """Clear the rejections of earlier stages, before the whole picture is searched."""
         self.pieces.clear()
         self.detections.clear()
         self.dropped.clear()
@@ -73,16 +73,16 @@ def lost_marks(
     found: detections of the other marks, by name; unassigned: detections that belong to no expected mark
     size_px: width and height of the picture
 
-    If several reasons apply, the first of this list is returned: a hue covers the picture; the mark was found but
-    rejected later; a large group of rejected pixels, a rejected detection or another mark lies within the gate; a
-    detection of this hue lies beyond the gate; the expected position is outside the picture; too few pixels.
-    If too few pixels are the reason, and the mark is expected smaller than `BLOCK_AREA_PX`, the reason is its size.
+    If several reasons apply, the first in this list is returned. (1) A hue covers the picture. (2) The mark was found
+    but rejected later. (3) A large group of rejected pixels, a rejected detection or another mark lies within the gate.
+    (4) A detection of this hue lies beyond the gate. (5) The expected position is outside the picture. (6) The expected
+    area of the mark is below `BLOCK_AREA_PX`. (7) There are too few pixels.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """The lost mark; if the mark is expected to be small, SMALL replaces the reason FEW_PIXELS."""
+    """The lost mark. If the mark is expected to be small, the reason FEW_PIXELS is replaced by SMALL."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
@@ -134,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of pixels from a mark's expected position; they may be any part of the mark."""
+    """Squared Mahalanobis distance of pixels, which may be any part of a mark, from the mark's expected position."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)

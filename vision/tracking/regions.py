@@ -16,7 +16,7 @@ def search_regions(
 ) -> list[tuple[Box, list[Expected]]]:
     """Regions of a picture in which marks are expected: left, top, width, height [px], and the marks of each region.
 
-    The marks of a region have one hue. Regions of one hue do not overlap.
+    All marks of a region have the same hue. Regions of one hue do not overlap.
     """
     pad_px = settings.detection.coverage.pad_px + 4
     height, width = shape[:2]

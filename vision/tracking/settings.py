@@ -29,9 +29,9 @@ STAGE_NAMES = (
 class AssociationSettings:
     """Settings of the association of detections with marks.
 
-    gate: largest squared Mahalanobis distance of a detection from its mark's expected position; the names of touching
-        marks are certain if exchanging them increases the sum of squared distances by at least this [1];
-        source: chi-square, 2 dof, 99.99 %
+    gate: largest squared Mahalanobis distance of a detection from its mark's expected position [1]; source: chi-square,
+        2 dof, 99.99 %. The names of touching marks are certain if an exchange increases the sum of squared distances by
+        at least this.
     impulse_gate: `gate` after an impulse, if there are more detections than missing marks [1];
         source: chi-square, 2 dof, 99 %
     """
@@ -44,15 +44,15 @@ class AssociationSettings:
 class AppearanceSettings:
     """Settings for the comparison of a picture, pixel by pixel, with a mark's appearance.
 
-    n_views: number of stored views of a mark; their median is its appearance [1]; choice
+    n_views: number of stored views of a mark; their median is the mark's appearance [1]; choice
     margin: distance from the outline within which pixels are ignored, relative to the mark's half axes [1]; choice
     ring_px: width of the ring of background pixels around a mark [px]; choice
     blur_px: standard deviation of the smoothing before the comparison [px]; choice
-    shade: largest rms difference between similar pixels, over the colour channels, that shadows and lamps cause,
+    shade: largest rms difference, over the colour channels, that shadows and lamps cause between similar pixels,
         relative to the colour [1]; choice
-    level: largest rms difference between similar pixels, over the colour channels, that noise causes [grey levels];
+    level: largest rms difference, over the colour channels, that noise causes between similar pixels [grey levels];
         choice
-    ring_contrast: factor on the squared distance of a ring pixel from a fitted colour [1]; choice
+    ring_contrast: factor on the squared distance between a ring pixel's colour and a fitted colour [1]; choice
     occluded_cost: loss for a pixel in the mark that is similar neither to the mark nor to its background [1]; choice
     ring_weight: weight of the ring's similarity to the mark, which is subtracted from the score [1]; choice
     prior, other_prior: loss of score per squared Mahalanobis distance from the expected position, for the stored colour
@@ -82,17 +82,18 @@ class AppearanceSettings:
 class CandidateSettings:
     """Settings of matches of an appearance model: which are accepted, and how accurate their centres are.
 
+    The ring is a ring of pixels around the match, which usually shows background.
     score: least score of a match [1]; choice
     share: least share of the mark's pixels that are similar [1]; choice
     free: similarity between ring and mark below which the ring is certainly background [1]; choice
-    free_share: `share` if the ring is certainly background [1]; choice
-    other_margin: if the colour is fitted, `score` is larger by this, and the similarity between ring and mark must be
-        at most minus this [1]; choice
+    free_share: value in place of `share` if the ring is certainly background [1]; choice
+    other_margin: if the colour was fitted, the least score is larger by this, and the largest similarity between ring
+        and mark is minus this [1]; choice
     min_sd_px, max_sd_px: least and largest standard deviation of a match's centre [px]; choice
-    best_score: score from which on the standard deviation is min_sd_px [1]; choice
-    growth: exponential growth of the standard deviation per unit of score below best_score [1]; choice
-    rim_gain: added standard deviation of the mean of match and rim, relative to their distance [1]; choice
-    shared: variance of the mean of detection and match, relative to that for independent errors [1]; choice
+    best_score: score at and above which this standard deviation is min_sd_px [1]; choice
+    growth: exponential growth of this standard deviation per unit of score below best_score [1]; choice
+    rim_gain: if a centre is the mean of match and rim, added standard deviation per distance of the two [1]; choice
+    shared: variance of the mean of detection and match, relative to the variance for independent errors [1]; choice
     """
 
     score: float = 0.55
@@ -114,12 +115,12 @@ class TemplateSettings:
 
     clear_sd_px: largest standard deviation of the centre of a detection that needs no comparison [px]; choice
     whole_sd_px: largest standard deviation of the centre of a detection whose view is stored [px]; choice
-    unknown_sd_px: largest standard deviation of the centre of a detection that is accepted although its model does not
-        match, if no other position matches [px]; choice
+    unknown_sd_px: if no position matches the model, largest standard deviation of the centre of a detection that is
+        accepted all the same [px]; choice
     refresh: number of frames after which a new view replaces the oldest one [1]; choice
     forget: number of frames without a new view after which a model is deleted [1]; choice
     near_px: largest distance between the centres of a detection and a match that agree [px]; choice
-    plain_score: score of a match close to a detection from which on no other position is compared [1]; choice
+    plain_score: if a match close to a detection has this score, no other positions are compared [1]; choice
     """
 
     clear_sd_px: float = 0.15
@@ -136,13 +137,13 @@ class HueTrackingSettings:
     """Settings for the adaptation of the colour of a kind of mark.
 
     gain: weight of the newest frame in the running mean of the colour [1]; choice
-    max_drift: largest drift of the hue since the start, relative to the half width of its range [1]; choice
+    max_drift: largest drift of the hue since the start, relative to the half width of the colour range [1]; choice
     hue_sd_deg: least standard deviation of the hue of marks of one kind [degrees]; choice
     saturation_sd: least standard deviation of the saturation of marks of one kind [1]; choice
     max_scatter: largest learned standard deviation, relative to hue_sd_deg or saturation_sd [1]; choice
     n_learned: number of frames from which a colour must be learned before it rejects other colours [1]; choice
     gate: largest squared Mahalanobis distance of hue and saturation [1]; source: chi-square, 2 dof, 99.9 %
-    learning: settings of the first colour range; `paler` and `darker` also determine the later limits
+    learning: settings of the first colour range; its `paler` and `darker` also determine later limits
     """
 
     gain: float = 0.05
@@ -167,7 +168,7 @@ class DistractorSettings:
         frames
     settled_frames: number of frames at the start whose objects are not new [1]; choice
     least: least area of new objects of one hue, relative to the area of a mark [1]; choice
-    grows: least ratio of the area of new objects to that in the last report [1]; choice
+    grows: least ratio of the area of new objects to their area in the last report [1]; choice
     wavers: least ratio of the area of new objects to the area of known objects [1]; choice
     """
 

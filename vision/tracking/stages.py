@@ -29,7 +29,7 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""If the search regions cover a larger share of the picture, the whole picture is searched: this is as fast [1]."""
+"""If the search regions cover a larger share of the picture, the whole picture is searched, which is as fast [1]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -74,7 +74,7 @@ class Search:
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
-        """Whether no found mark is within `CoverageSettings.pad_px` of this detection."""
+        """Whether every found mark is farther than `CoverageSettings.pad_px` from this detection."""
         near = self.settings.detection.coverage.pad_px
         return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
 
@@ -85,7 +85,7 @@ class Candidate:
 
     detection: the detection; None: the mark `name`, which was found before, is rejected
     name: name of the mark; None: association decides which mark it is
-    match: the match of an appearance model from which the detection follows, if any
+    match: the match of an appearance model from which the detection was made, if any
     margin: increase of the sum of squared Mahalanobis distances if the mark exchanges names with a touching mark
     """
 
@@ -109,7 +109,7 @@ class Stage:
     reason: Reason | None = None
 
     def run(self, search: Search) -> None:
-        """Add accepted candidates to `search.found`; a rejected candidate with a name removes its mark from there."""
+        """Add accepted candidates to `search.found`. A rejected candidate with a name removes its mark from there."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
@@ -130,7 +130,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks that are alone in their search region. If a mark was missed in the last frame, there are no candidates."""
+    """Marks that are alone in their search region; none if a mark was missed in the last frame."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -222,7 +222,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 
 
 def _checked(search: Search) -> Iterator[Candidate]:
-    """Uncertain found marks after comparison with their appearance models; new views are stored in the models."""
+    """Uncertain found marks after a comparison with their appearance models; new views are stored in these models."""
     frame, templates = search.frame_bgr, search.templates
     where = search.where
     unclear = []
@@ -253,7 +253,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is similar enough to its mark, and apart from found marks (`Search.is_apart`)."""
+    """Whether a match is similar enough to its mark, and not near a found mark (`Search.is_apart`)."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -261,7 +261,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Missing marks at positions where the picture matches a model of any mark of their hue, with a fitted colour."""
+    """Missing marks where the picture matches a model of any mark of their hue, with a fitted colour."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -283,7 +283,7 @@ def _by_rim(search: Search) -> Iterator[Candidate]:
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind of mark, and is apart from found marks (`Search.is_apart`)."""
+    """Whether a detection has the colour of its kind of mark, and is not near a found mark (`Search.is_apart`)."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 
@@ -310,7 +310,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the name of a mark that touches another is certain; a missing mark is better than a wrong name."""
+    """Whether the name of a mark that touches another mark is certain. A missing mark is better than a wrong name."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -329,7 +329,7 @@ STAGES = (
 
 
 def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
-    """The stages with these names, in the order of the names; raises ValueError for an unknown name."""
+    """The stages with these names, in the given order; raises ValueError for an unknown name."""
     known = {stage.name: stage for stage in STAGES}
     for name in names:
         if name not in known:
@@ -338,7 +338,7 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of marks, empty if a mark is too small to use them; least and largest area of a component [px]."""
+    """Outlines of marks, empty if a mark is too small for outlines; least and largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None

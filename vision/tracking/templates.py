@@ -1,4 +1,4 @@
-"""Appearance models of a scene's marks, by name: learned from complete views, and compared with detections."""
+"""Appearance models of a scene's marks, by name. They are learned from complete views and compared with detections."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Note the end of a frame; delete each model without a new view for `TemplateSettings.forget` frames."""
+        """Count the end of a frame. Delete each model without a new view for `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -70,8 +70,8 @@ class AppearanceTemplates:
     ) -> Detection | None:
         """Compare a detection with the mark's appearance model.
 
-        Returns the detection if the model confirms it; the mean of detection and best match if they agree; the best
-        match if it is more similar to the mark; None if neither the detection nor a match is similar to the mark.
+        Returns the detection if the model confirms it. Returns the mean of detection and best match if they agree.
+        Returns the best match if the mark is more similar to it. Returns None if the mark is similar to neither.
         frame_bgr: (height, width, 3) uint8
         color_distance: as `AdaptiveHue.distance`
         """
@@ -102,7 +102,7 @@ class AppearanceTemplates:
     def mark_in_other_light(
         self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """The detection from a match of `match_in_other_light`; None if the match is not similar enough to a mark.
+        """The detection from a match of `match_in_other_light`; None if the match is not similar enough to the mark.
 
         frame_bgr: (height, width, 3) uint8; color_distance: as in `checked`
         """
@@ -114,18 +114,18 @@ class AppearanceTemplates:
     def match(
         self, frame_bgr: Image, one: Expected, about_px: Floats | None = None, within_px: float | None = None
     ) -> AppearanceMatch | None:
-        """The best match of a mark's appearance model, as `AppearanceModel.place` finds it; None without a model."""
+        """The best match of a mark's appearance model, as from `AppearanceModel.place`; None without a model."""
         model = self._known.get(one.name)
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
     def match_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
-        """The best match of the models of all marks of this hue; the mark's colour is fitted at each position."""
+        """The best match among the models of all marks of this hue. The mark's colour is fitted at each position."""
         models = [model for model in self._known.values() if model.hue_deg == one.hue_deg]
         matches = [model.place(frame_bgr, one, another=True) for model in models]
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """The detection, confirmed without a search of the surroundings; None if this is not possible."""
+        """The detection if it is confirmed without a search of the surroundings; otherwise None."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
@@ -135,7 +135,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """Score of the mark's appearance model at a detection, whatever the mark's expected position."""
+        """Score of the mark's appearance model at a detection, for any expected position of the mark."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score

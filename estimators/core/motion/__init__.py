@@ -1,4 +1,4 @@
-"""Motion of a body under unknown forces, linearised over a frame: for a network of springs, or a continuum.
+"""Motion of a network of springs or of a continuum under unknown forces, linearised over a time step.
 
 A new kind of motion belongs here.
 """

@@ -1,8 +1,8 @@
 """Motion of a continuum in closed form: damped modes under smooth surface forces that decay.
 
-A mode with squared frequency w² and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and to a force
-exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time, because it is the
-difference of two states that decay at different rates and are driven by the same noise.
+A vibration mode with angular frequency w and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and
+to a force exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time: it is the
+difference of two states with different decay rates and the same noise.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from estimators.core.motion.model import SOURCES, Along
 Exponents = NDArray[np.complex128]
 
 APART = 1e-3
-"""Smallest difference between the two roots of a mode, and between a force's rate and a root [1/s]; numerical."""
+"""Smallest difference between the two roots of a mode, and between a root and a force's rate [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
-"""Largest omitted share of the mean square displacement due to a source of forces [1]; numerical."""
+"""Largest share of the mean square displacement by a source of forces that may be omitted [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""A force is the sum of two states with these signs: a state that decays slowly, and one that decays quickly [1]."""
+"""A force is the sum of two states, multiplied by these signs: the first decays slowly, the second quickly [1]."""
 
 SAME_S = 1e-9
-"""Largest difference of frame intervals that counts as rounding [s]; numerical."""
+"""Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
 
 NODES, PANEL = 16, 8.0
-"""Number of nodes in a panel of Gauss quadrature, and length of a panel times the integrand's rate [1]; numerical."""
+"""Gauss quadrature: number of nodes in a panel, and length of a panel times the integrand's rate [1]; numerical."""
 
 FIXED = 1e-6
 """Standard deviation of the first coordinate, which is always 1 [1]; numerical."""
 
 
 class ContinuumSpan(Span):
-    """Map from coordinates to positions in a continuum: first coordinate times drawn positions, plus modes."""
+    """Map from coordinates to positions: first coordinate times drawn positions, plus displacements of the modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """The span of a network with a continuum; the first coordinate is always 1, the others are in [m]."""
+        """Make the span of a network with a continuum. The first coordinate is always 1, the others are in [m]."""
         solid = network.continuum
         assert solid is not None  # the caller checks it
         drawn = network.positions[network.free].reshape(-1, 1)
@@ -59,7 +59,7 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the coordinates (n, n) if the modes are independent, with standard deviations `white`."""
+        """Covariance of the coordinates (n, n) for independent modes with the standard deviations `white`."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
@@ -71,7 +71,7 @@ class ContinuumMotion:
     network : MassSpringNetwork
         Network with a continuum.
     disturbances : Disturbances
-        Prior of the surface forces. A strength is the acceleration that a force gives to the whole mass.
+        Prior of the surface forces. Their strength is the acceleration of the whole mass under such a force.
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the tissues' stiffness.
     """
@@ -111,7 +111,7 @@ class ContinuumMotion:
         return np.concatenate([motion @ state, fading * state[len(motion) :]])
 
     def along(self, state: Floats, dt: float) -> Along:
-        """Motion from a state (2 n + n_f,) over dt [s]; the linearisation is exact."""
+        """Motion from a state (2 n + n_f,) over dt [s]. The linearisation is exact."""
         if self._last is None or abs(self._last[0] - dt) > SAME_S:
             self._last = dt, *self._motion(dt), self._noises(dt, len(state))
         _, motion, fading, noises = self._last
@@ -119,13 +119,13 @@ class ContinuumMotion:
         return Along(mean, motion, fading, noises, self._moved_by_constants(state, mean, dt))
 
     def _impulse(self, t: Floats) -> tuple[Floats, Floats]:
-        """Displacement [s] and velocity [1] of each mode at times t (k,) after a unit impulse, (n_modes, k) each."""
+        """Displacement [s] and velocity [1] of each mode, (n_modes, k), at times t (k,) after a unit impulse."""
         one, other = self._roots[..., None]
         grown = np.exp(one * t), np.exp(other * t)
         return ((grown[0] - grown[1]) / (one - other)).real, ((one * grown[0] - other * grown[1]) / (one - other)).real
 
     def _pushed(self, rate: float) -> tuple[Exponents, Exponents, Exponents]:
-        """Response of each mode to a force exp(-rate t) as a sum of three exponentials, sum_p factor_p exp(rate_p t).
+        """Response of each vibration mode to a force exp(-rate t): a sum of exponentials, sum_p factor_p exp(rate_p t).
 
         Returns factors of the displacement [s²], factors of the velocity [s], rates [1/s], (3, n_modes) each.
         """
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,)."""
+        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,), for dt."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -155,7 +155,7 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """Where the two kinds of force states are in the state vector; first: index of the first of them."""
+        """States of the forces that decay slowly, and of those that decay quickly; first: index of the first force."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
@@ -202,7 +202,7 @@ class ContinuumMotion:
 
 
 def _effective(push: Floats, by_force: Floats) -> Floats:
-    """As few columns as possible with the displacements of the given columns, except for a share `LEFT_OUT`.
+    """Fewest columns that explain the displacements due to the given columns, up to the share `LEFT_OUT`.
 
     push: accelerations, (n_modes, any); by_force: displacement of each mode per unit acceleration [s²], (n_modes, 1)
     """
@@ -212,9 +212,9 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
 
 
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
-    """Nodes [s] and weights [s], (k,), of Gauss quadrature from 0 to dt [s] for rates of change up to `rate` [1/s].
+    """Nodes and weights [s], (k,), of Gauss quadrature from 0 to dt [s] for an integrand with rates up to `rate` [1/s].
 
-    For a mode without stiffness, whose variance grows with the fifth power of dt, closed forms lose precision.
+    Closed forms lose precision for a mode without stiffness, whose variance grows with the fifth power of dt.
     """
     edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
     x, weights = np.polynomial.legendre.leggauss(NODES)

@@ -1,4 +1,4 @@
-"""Protocol of a body's motion, which the tissue's process model uses."""
+"""Protocol of a body's motion, which the process model of the tissue uses."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from dynamics.elements import Span
 from estimators.arrays import Floats
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
-"""Sources of noise, in the order of `Transition`; noise of the last two is independent between states."""
+"""Sources of noise, in the order of `Transition`. Noise of the last two sources is independent between states."""
 
 
 class Along(NamedTuple):
-    """Linearised motion over an interval; the state has n coordinates, n velocities and n_f forces.
+    """Linearised motion over an interval. The state has n coordinates, n velocities and n_f forces.
 
     mean: state at the end, (2 n + n_f,)
-    motion: derivative of the coordinates and velocities at the end with respect to the start, (2 n, 2 n + n_f)
+    motion: derivative of coordinates and velocities at the end with respect to the state at the start, (2 n, 2 n + n_f)
     fading: decay factor of each force, (n_f,)
-    noises: covariance of the noise from each of the first four `SOURCES` at unit variance, (4, 2 n + n_f, 2 n + n_f)
-    by_constants: effect of one standard deviation of each constant on coordinates and velocities at the end, (2 n, any)
+    noises: noise covariance from each of the first four `SOURCES` at unit variance, (4, 2 n + n_f, 2 n + n_f)
+    by_constants: change of coordinates and velocities at the end per standard deviation of each constant, (2 n, any)
     """
 
     mean: Floats

@@ -44,17 +44,17 @@ GROWING = (0.5, 5.0, 30.0)
 """The shapes of a reduced body are its responses to forces that grow at these rates [1/s]; numerical."""
 
 LEFT_OUT = 2e-3
-"""Largest displacement of an omitted shape, relative to the extent [1]; numerical: below the default discrepancy."""
+"""Largest displacement by an omitted shape, relative to the body's extent [1]; numerical: below the discrepancy."""
 
 WEAK = 1e-2
-"""Largest omitted force of a source, relative to the source's largest force [1]; numerical."""
+"""Largest force of a source that is omitted, relative to the source's largest force [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""Number of nodes above which a body may be reduced; largest number of shapes per node [1]; choice."""
+"""A body with more nodes than the first number may be reduced to fewer shapes per node than the second [1]; choice."""
 
 
 class NetworkMotion:
-    """Motion of a network, see `Motion`; the parameters are those of `TissueProcess`."""
+    """Motion of a network, see `Motion`. The parameters are those of `TissueProcess`."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """The span: few shapes for many nodes, else all coordinates; pushes: accelerations by source, (n_free, any)."""
+        """Span of a few shapes for many nodes, else of all coordinates; pushes: accelerations of each source."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:
@@ -115,7 +115,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Acceleration of each coordinate by a unit of each force, (n, n_f), and the source of each force, (n_f,)."""
+        """Acceleration of each coordinate due to each unit force, (n, n_f), and source of each force, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))
@@ -143,9 +143,9 @@ class NetworkMotion:
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 
     def moved_each(self, states: Floats, dt: float) -> Floats:
-        """Coordinates and velocities after dt [s], (k, 2 n), from states (k, 2 n + n_f or more), by explicit steps.
+        """Coordinates and velocities (k, 2 n) after dt [s], by explicit steps from k states (k, 2 n + n_f or more).
 
-        Each force is replaced by its mean over dt.
+        Each force has its mean value during dt.
         """
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
@@ -154,10 +154,7 @@ class NetworkMotion:
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """Effect of one standard deviation of each constant on the state after all steps, (2 n, n_constants).
-
-        start: coordinates and velocities before the first step
-        """
+        """Change of the state over all steps per standard deviation of each constant, (2 n, n_constants)."""
         moving = len(start)
         if self._by_constants is None:
             return np.zeros((moving, 0))
@@ -170,10 +167,7 @@ class NetworkMotion:
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """Accelerations due to one standard deviation of each constant [m/s²], (..., n, n_constants).
-
-        states: coordinates and velocities, (..., 2 n)
-        """
+        """Accelerations per standard deviation of each constant [m/s²], (..., n, n_constants), in states (..., 2 n)."""
         assert self._by_constants is not None  # else there are no constants
         assert self._uncertainty is not None
         V, masses = self.span.matrix, self.span.masses
@@ -183,7 +177,7 @@ class NetworkMotion:
 
 
 def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
-    """Change of coordinates and velocities over all steps, (2 n, k); accelerations: for each step [m/s²], (n, k)."""
+    """Change of coordinates and velocities over all steps, (2 n, k), by accelerations in each step [m/s²], (n, k)."""
     n, k = accelerations[0].shape
     columns = np.zeros((2 * n, k))
     for move, own in zip(moves, accelerations, strict=True):
@@ -192,9 +186,9 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """As few columns as possible with nearly the same covariance L L' as the given columns L (n, any).
+    """Fewest columns whose covariance L L' nearly equals the covariance of the given columns L (n, any).
 
-    If none can be omitted, the given columns are returned.
+    If no column can be omitted, the given columns are returned.
     """
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)

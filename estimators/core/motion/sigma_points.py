@@ -14,23 +14,23 @@ from estimators.core.protocols import Transition
 def by_sigma_points(
     tangent: Transition, mean: Floats, cov: Floats, m: int, moved: Callable[[Floats], Floats]
 ) -> Transition:
-    """A transition whose first m states are linearised by regression over sigma points.
+    """Replace the linearisation of the first m states by a regression over sigma points.
 
-    The predicted mean is that of the tangent plus a correction: the mean of the moved points minus the moved mean.
-    The points are the mean ± sqrt(m) times each column of the covariance's root: the unscented transform with kappa =
-    0, whose central point has no weight. The residual of the regression counts as noise.
+    The sigma points are mean ± sqrt(m) times each column of the covariance's root: the unscented transform with
+    kappa = 0, whose central point has no weight. The predicted mean is the tangent's mean plus this difference: mean of
+    the moved sigma points minus the moved mean. The residual of the regression counts as noise.
     Source: [julier1997], [garciafernandez2017].
 
     Parameters
     ----------
     tangent : Transition
-        Linearisation by derivatives. It supplies the dependence on the other states, and the noise.
+        Linearisation by derivatives. It gives the dependence on the other states, and the noise.
     mean, cov : (n,), (n, n)
         Moments of the previous state.
     m : int
-        Number of states whose motion is nonlinear. They come first in the state.
+        Number of states with nonlinear motion. They are the first states.
     moved : callable
-        Returns the first m states after the step, (k, m), from states (k, n). An error common to all states cancels.
+        Returns the first m states after the step, (k, m), from k states (k, n). An error common to all cancels.
     """
     root = np.linalg.cholesky(cov[:m, :m])
     steps = np.sqrt(m) * root.T
