@@ -46,6 +46,10 @@ class Disturbances:
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
+    n_poked : int
+        Number of nodes that a poke pushes at most; with more marked nodes, each is pushed less; choice.
+    n_marked : int
+        Number of marked nodes.
     bent : float
         Static displacement that a poke causes in a stiff body, relative to the body's extent [1]; choice.
     """
@@ -58,14 +62,16 @@ class Disturbances:
     short_s: float = 0.2
     slow_s: float = 1.5
     smooth_s: float = 0.3
-    calm_s: float = 20.0
+    calm_s: float = 8.0
     poked_s: float = 0.3
     led_each_s: float = 120.0
     led_s: float = 1.0
-    rise_s: float = 120.0
+    rise_s: float = 240.0
     fall_s: float = 30.0
     smooth: float = 0.25
     n_short: int = 3
+    n_poked: int = 3
+    n_marked: int = 1
     bent: float = 0.1
 
     @classmethod
@@ -83,10 +89,6 @@ class Disturbances:
         least: smallest factor
         """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
-
-    def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
-        """Correlation times of n_f forces [s], (n_f,); are_slow: whether each force is a slow force, (n_f,)."""
-        return np.where(are_slow, self.slow_s, self.short_s)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths in each mode: white noise, short, led and slow forces; raised: result of the method `raised`."""
@@ -108,7 +110,8 @@ class Disturbances:
     @property
     def short_m_s2(self) -> tuple[float, float, float]:
         """Strengths of short forces in the states calm, poked and led [m/s²]."""
-        return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
+        share = min(1.0, self.n_poked / self.n_marked) ** 0.5
+        return self.calm_m_s2, share * self.poke_m_s2, self.led_m_s2
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:

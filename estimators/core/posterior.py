@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.filters.kernels import block_contributions, nis_left
+from estimators.pose.registration import RegistrationError, register_points
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import QUIET
 from estimators.process.target import TargetMap, TargetPoint, target_map
@@ -108,6 +110,15 @@ class TissuePosterior:
         self.filter = HypothesisFilter(
             self.process, self.level, self._groups, outliers=self._outliers, considered=self.process.considered
         )
+
+    def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
+        """Coordinates (n,) of the drawn shape, moved rigidly to the marks if they determine the motion."""
+        drawn = self.network.positions
+        places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
+        measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]
+        with suppress(RegistrationError):
+            drawn = register_points(places, measured, covs).motion.moved(drawn)
+        return self.process.coordinates(drawn)
 
     @property
     def seen_s(self) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,7 +68,8 @@ class TissueProcess:
         elements: Sequence[ForceElement] = (),
         sigma_points: bool = False,
     ) -> None:
-        self.network, self.disturbances = network, disturbances or Disturbances()
+        self.network = network
+        self.disturbances = replace(disturbances or Disturbances(), n_marked=len(marked))
         self.discrepancy = discrepancy or Discrepancy()
         uncertainty = None if statics is None else statics.uncertainty
         self.motion: Motion

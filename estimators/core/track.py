@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,27 +42,28 @@ FIX = "fix"
 """Name of a direct measurement of the target."""
 
 
+STATE = ["health", "rejected", "repairs", "log_likelihood", "residual_m"]
+STATE += ["_refuted_s", "_far_fix", "_seen_s", "_updated_s", "_placed"]
+"""Attributes of `TissueFilter` that its steps change, besides the hypotheses and the open loop."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates of the body after the last marks, (n,)."""
+    """Complete state of a `TissueFilter` at one time.
+
+    own: attributes in `STATE`; filter: state of the hypotheses, or None for the prior
+    open_loop_cov: covariance of the open-loop estimate, (n, n)
+    """
 
     time_s: float | None
+    own: Mapping[str, Any]
     filter: Mapping[str, Any] | None
-    health: Health
-    refuted_s: float
-    far_fix: Outlying | None
-    seen_s: dict[str, float]
-    updated_s: float | None
-    rejected: Counter[str]
-    repairs: Counter[str]
     open_loop_cov: Floats
-    log_likelihood: float
-    residual_m: Floats
-    placed: Floats | None
 
     def without_marks(self) -> FilterSnapshot:
         """Copy of the snapshot in which no mark has been used yet."""
-        return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None, placed=None)
+        fresh = {"health": Health(), "_refuted_s": -np.inf, "_far_fix": None, "_placed": None}
+        return replace(self, own={**self.own, **fresh}, filter=None)
 
 
 class TissueFilter(TissuePosterior):
@@ -87,13 +88,18 @@ class TissueFilter(TissuePosterior):
         Priors of the unknown forces and of the model's error; default: those of the settings.
     """
 
-    def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart in the last shape or, if `as_drawn`, in the drawn one; keep the target's offset unless DIVERGED."""
+    def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
+        """Restart in the last or in the drawn shape; keep the target's offset unless the filter diverged.
+
+        marks: the drawn shape of a body without anchors is first moved rigidly to these marks
+        """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
         if self._placed is not None and not as_drawn:
             self.filter.means[:, self.process.parts["position"]] = self._placed
+        elif not self.network.fixed.any():
+            self.filter.means[:, self.process.parts["position"]] = self.registered(marks)
         if self.health.status is not Status.DIVERGED:
             self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov
         self._refuted_s = -np.inf
@@ -101,30 +107,15 @@ class TissueFilter(TissuePosterior):
 
     def snapshot(self) -> FilterSnapshot:
         """The complete present state, for `restore`."""
-        return FilterSnapshot(
-            self.time_s,
-            self.filter.state(),
-            self.health,
-            self._refuted_s,
-            self._far_fix,
-            self._seen_s.copy(),
-            self._updated_s,
-            self.rejected.copy(),
-            self.repairs.copy(),
-            self.open_loop.cov,
-            self.log_likelihood,
-            self.residual_m,
-            self._placed,
-        )
+        own = {key: copy(getattr(self, key)) for key in STATE}
+        return FilterSnapshot(self.time_s, own, self.filter.state(), self.open_loop.cov)
 
     def restore(self, then: FilterSnapshot) -> None:
         """Reset the state to a snapshot."""
         self.begin() if then.filter is None else self.filter.resume(then.filter)
-        self.time_s, self.health, self._far_fix = then.time_s, then.health, then.far_fix
-        self._seen_s, self._updated_s, self._refuted_s = then.seen_s.copy(), then.updated_s, then.refuted_s
-        self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
-        self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
-        self.residual_m, self._placed = then.residual_m, then.placed
+        for key, value in then.own.items():
+            setattr(self, key, copy(value))
+        self.time_s, self.open_loop.cov = then.time_s, then.open_loop_cov
 
     def run(
         self,
@@ -239,7 +230,8 @@ class TissueFilter(TissuePosterior):
         before = self.health.status
         starting = self.health.since_s is None or before is Status.LOST
         if marks and before is Status.LOST:
-            self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # all marks after a restart were outliers
+            is_refuted = self._refuted_s > -np.inf  # all marks after a restart were outliers
+            self._restart("restarted", as_drawn=is_refuted, marks=marks)
         taken, nis, shift = self._taken(marks, starting=starting)
         self.health = after_frame(self.health, self.time_s, nis, self._measured(taken), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
@@ -284,7 +276,7 @@ class TissueFilter(TissuePosterior):
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
         """Restart, then update with the marks; returns the marks that are no outliers, and their NIS."""
-        self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
+        self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING), marks=marks)
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
         return taken, nis if taken else None

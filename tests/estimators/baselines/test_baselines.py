@@ -128,7 +128,7 @@ def test_histories_of_two_modes_are_all_counted(taut, monkeypatch):
     method = ParticleFilter(taut, "mass", ("mass",), settings, rng=np.random.default_rng(0), n_particles=10_000)
     found = followed(method, shown)[-1]
     model, H = TissueModel(taut, ("mass",)), np.eye(6)[:2]
-    rates = np.array([[-1.0 / 20.0, 1.0 / 20.0], [1.0 / 0.3, -1.0 / 0.3]])
+    rates = np.array([[-1.0 / 8.0, 1.0 / 8.0], [1.0 / 0.3, -1.0 / 0.3]])
     turn, odds = expm(rates / 30.0), expm(rates * 100.0)[0]  # long-run
     x0, P0 = started(model, modes[1])
     K = P0 @ H.T @ np.linalg.inv(H @ P0 @ H.T + R)

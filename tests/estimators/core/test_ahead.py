@@ -45,7 +45,7 @@ def test_tables_are_the_predictions_near_rest(near_rest):
 
 
 def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
-    """Truth: leaving calm at 1/20 and 1/60 s, a slow force for each stronger one at its rate; led once in 60 s.
+    """Truth: the chain leaves calm for poked or led, and each slow force for stronger ones, at the rates of the prior.
 
     The rates of onsets have the factor that the filter has observed.
     """

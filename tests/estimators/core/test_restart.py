@@ -41,7 +41,7 @@ class Followed:
     def misplace(self, by: np.ndarray) -> None:
         """The filter restarts with its coordinates displaced by this [m]."""
         then = self.tissue.snapshot()
-        self.tissue.restore(replace(then, placed=then.placed + by))
+        self.tissue.restore(replace(then, own={**then.own, "_placed": then.own["_placed"] + by}))
 
     def diverge(self, k: int) -> tuple[float, Status]:
         """The next frame, after frames whose marks contradicted the filter."""

@@ -10,6 +10,7 @@ from dynamics.integration.kernels import along_steps
 from estimators.core.disturbances import Disturbances
 from estimators.core.tissue import SOURCES, TissueProcess
 from tests.estimators.core.bodies import cable
+from tests.networks import slab
 
 DT = 1.0 / 30.0
 
@@ -134,6 +135,16 @@ def test_strengths_by_mode() -> None:
     np.testing.assert_allclose(rows[:, 4], 0.02**2)
     assert found.rates.shape == (9, 9)
     np.testing.assert_allclose(found.rates.sum(axis=1), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("n_marked", [2, 20])
+def test_a_poke_pushes_three_nodes_at_most(n_marked: int) -> None:
+    """With more marks the variances of their pokes sum up to that of three; each led node is led as strongly."""
+    body = slab((3, 4, 4))
+    process = TissueProcess(body, body.names[16 : 16 + n_marked], disturbances=Disturbances(bent=0.0))
+    _, poked, led = np.unique(process.variances(0.0)[:, 1])
+    assert poked == pytest.approx(5.0**2 * min(1.0, 3.0 / n_marked))
+    assert led == pytest.approx(50.0**2)
 
 
 def test_a_stiff_body_is_pushed_harder() -> None:

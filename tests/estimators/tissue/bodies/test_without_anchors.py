@@ -1,14 +1,16 @@
 """A body without anchors is followed by its marks. Truth: a rigid motion, by its closed form."""
 
 import numpy as np
+import pytest
 
 from estimators import MarkMeasurement, TissueFilter
 from tests.estimators.conftest import followed
 from tests.networks import build_network
 
 
-def test_it_may_start_anywhere():
-    """The first marks are a metre from where it is drawn, turned by two radians: it starts there within 0.7 s.
+@pytest.mark.parametrize("away_m", [1.0, 100.0])
+def test_it_may_start_anywhere(away_m):
+    """The first marks are far from where it is drawn, turned by two radians: it starts there within 0.7 s.
 
     Four corners, one node inside, a spring between any two, as long as drawn.
     """
@@ -17,7 +19,7 @@ def test_it_may_start_anywhere():
     constants = {"masses": 0.02, "drag": 0.01, "stiffness": 50.0, "damping": 0.5, "gravity": [0.0, -9.81]}
     square = build_network(places, springs, **constants)
     turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    moved, marked = places @ turn.T + 1.0, square.names[:4]
+    moved, marked = places @ turn.T + away_m, square.names[:4]
     marks = [MarkMeasurement(name, at, 2.5e-7 * np.eye(2)) for name, at in zip(marked, moved[:4], strict=True)]
     found = followed(TissueFilter(square, "N4", marked), [(k / 30.0, marks) for k in range(25)])
     np.testing.assert_allclose(found[-1].mean, moved[4], rtol=0, atol=1e-3)
