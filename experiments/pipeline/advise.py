@@ -107,7 +107,7 @@ def advise(
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
     times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
-    tables = path_tables(line.filter, reach_s(plan, line.filter))
+    tables = path_tables(line.filter, path_reach_s(line.filter, plan.insertion, plan.needle, plan.settings))
     integrity = IntegrityMonitor(recording.scene, line.filter)
     push = plan.push_on(recording.scene.network, recording.scene.target.point)
     breath = BreathingPath(recording.scene.network.dim)
@@ -187,11 +187,6 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
         found[f"{name}predicted"] = float(predicted[of].mean()) if of.any() else None
         found[f"{name}observed"] = float(observed[of].mean()) if of.any() else None
     return found
-
-
-def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """Longest time ahead at which a plan needs the target's predicted position [s]."""
-    return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 
 
 def header(dim: int) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -139,13 +138,10 @@ def pose_line(scene: Scene) -> str | None:
 
 def report_move(moved: CameraMove, camera: str = "") -> None:
     """Report a move or drift of the camera or tracker; camera: name of the camera, if there are several."""
-    report_event(moved.time_s, f"camera {camera}".rstrip(), move_line(moved))
-
-
-def move_line(moved: CameraMove) -> str:
-    """The message of a corrected move of the camera or tracker."""
-    distance_mm, angle_deg = 1e3 * moved.distance_m, np.degrees(moved.angle_rad)
-    return f"moved by {distance_mm:.1f} mm, {angle_deg:.1f} deg: corrected by reference marks"
+    text = (
+        f"moved by {1e3 * moved.distance_m:.1f} mm, {np.degrees(moved.angle_rad):.1f} deg: corrected by reference marks"
+    )
+    report_event(moved.time_s, f"camera {camera}".rstrip(), text)
 
 
 def distractor_line(came: Distractor) -> str:
@@ -156,12 +152,6 @@ def distractor_line(came: Distractor) -> str:
         f"something in the colour of {came.like}'s mark, of {size}, appeared at ({u}, {v}) px: remove or cover it "
         "before it reaches that mark, or use marks of another hue"
     )
-
-
-def report_distractors(time_s: float, came: Sequence[Distractor]) -> None:
-    """Report new distractors at this time [s]."""
-    for one in came:
-        report_event(time_s, DISTRACTOR, distractor_line(one))
 
 
 def report_source_events(frames: SourceOf[object], camera: str = "") -> None:

@@ -92,6 +92,9 @@ class Step:
         }
 
 
+Found = tuple[Sequence[MarkMeasurement], ReferenceSeen | None, Sight | None]
+"""Marks of a frame by their nodes, the result for the reference marks, and the record of the search."""
+
 AnyFrame = vision.Frame | vision.Exposure | None
 """A frame of one camera, pictures of several cameras in space, or None for another tracker's marks."""
 
@@ -165,45 +168,46 @@ class Line:
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
-        began = time.perf_counter()
-        self._predict(exposure_s)
-        predicted = time.perf_counter()
-        reference = None if self.reference is None else self.reference.update(self.reference.find(image))
-        marks = self._found(image)
-        found = time.perf_counter()
-        sight = self._sight({one.name: one for one in self.finder.lost}, self.finder.came)
-        step = self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
-        return replace(step, reference=reference)
+        return self._step(exposure_s, lambda: self._found(image))
 
     def see_all(self, exposure: vision.Exposure) -> Step:
         """Estimates at an exposure time from the pictures of cameras in space."""
-        assert self.space is not None
-        began = time.perf_counter()
-        self._predict(exposure.exposure_s)
-        predicted = time.perf_counter()
-        marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
-        found = time.perf_counter()
-        sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
-        step = self._estimated(exposure.exposure_s, marks, found - predicted, predicted - began, sight)
-        return replace(step, reference=self.space.reference)
+        return self._step(exposure.exposure_s, lambda: self._found_in_space(exposure))
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from another tracker's marks."""
+        return self._step(exposure_s, lambda: self._named(marks))
+
+    def _step(self, exposure_s: float, find: Callable[[], Found]) -> Step:
+        """Predict the filter, find the marks, and update all methods."""
         began = time.perf_counter()
         self._predict(exposure_s)
-        seen, reference = self._corrected(marks)
-        named = self.identity.named(seen)
         predicted = time.perf_counter()
-        sight = self._sight(dict.fromkeys(self._measured - {mark.node for mark in named}))
-        return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
+        marks, reference, sight = find()
+        found = time.perf_counter()
+        measured = [mark for mark in marks if mark.node in self._measured]
+        refused_before = self.filter.rejected.copy()
+        named = self.identity.update(measured)
+        estimate = named.estimate if self.checks is None else self.checks.checked(named.estimate, named.marks)
+        estimates = {FILTER: estimate}
+        filtered = time.perf_counter()
+        method_s = {FILTER: predicted - began + filtered - found}
+        if self.open_loop is not None:
+            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, named.marks)
+            method_s[OPEN_LOOP] = time.perf_counter() - filtered
+        unmeasured = [mark for mark in marks if mark.node not in self._measured]
+        refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
+        seen, detect_s, predict_s = (*named.marks, *unmeasured), found - predicted, predicted - began
+        return Step(estimates, seen, detect_s, method_s, named.swap, refused, sight, predict_s, reference)
 
-    def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
-        """The tissue's marks, corrected with the reference marks in `marks`, and the result for the reference marks."""
-        by = self.reference
-        if by is None:
-            return marks, None
-        seen = by.update([mark for mark in marks if by.is_one(mark.node)])
-        return [by.pose.corrected(mark) for mark in marks if not by.is_one(mark.node)], seen
+    def _named(self, marks: Sequence[MarkMeasurement]) -> Found:
+        """The tissue's marks of another tracker, corrected with the reference marks among them."""
+        by, seen = self.reference, None
+        if by is not None:
+            seen = by.update([mark for mark in marks if by.is_one(mark.node)])
+            marks = [by.pose.corrected(mark) for mark in marks if not by.is_one(mark.node)]
+        named = self.identity.named(marks)
+        return named, seen, self._sight(dict.fromkeys(self._measured - {mark.node for mark in named}))
 
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
@@ -227,15 +231,25 @@ class Line:
         if self.reference is not None:
             self.reference.predict(exposure_s)
 
-    def _found(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
+    def _found(self, image: NDArray[np.uint8]) -> Found:
         """The marks in a frame, on the plane."""
+        by = self.reference
+        reference = None if by is None else by.update(by.find(image))
         camera = self.camera
         expected = [self._looked_for(camera, node, self.filter.expected) for node in self._marks]
         found = self.finder.find(
             image, expected, lambda node: self._looked_for(camera, node, self.filter.expected_after_impulse)
         )
         marks = on_plane(self.scene.cameras[0], self._marks, found)
-        return marks if self.reference is None else tuple(self.reference.pose.corrected(mark) for mark in marks)
+        corrected = marks if by is None else tuple(by.pose.corrected(mark) for mark in marks)
+        return corrected, reference, self._sight({one.name: one for one in self.finder.lost}, self.finder.came)
+
+    def _found_in_space(self, exposure: vision.Exposure) -> Found:
+        """The marks in the pictures of cameras in space."""
+        assert self.space is not None
+        marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
+        sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
+        return marks, self.space.reference, sight
 
     def _looked_for(
         self, camera: PlaneCamera, node: str, predict: Callable[..., tuple[Floats, Floats]]
@@ -256,29 +270,6 @@ class Line:
     def used(self, step: Step) -> list[MarkMeasurement]:
         """The marks of a step that the filter used."""
         return [mark for mark in step.marks if mark.node in self._measured and mark.node not in step.refused]
-
-    def _estimated(
-        self,
-        exposure_s: float,
-        marks: tuple[MarkMeasurement, ...],
-        detect_s: float,
-        predict_s: float,
-        sight: Sight | None,
-    ) -> Step:
-        measured = [mark for mark in marks if mark.node in self._measured]
-        refused_before = self.filter.rejected.copy()
-        began = time.perf_counter()
-        named = self.identity.update(measured)
-        estimate = named.estimate if self.checks is None else self.checks.checked(named.estimate, named.marks)
-        estimates = {FILTER: estimate}
-        filtered = time.perf_counter()
-        method_s = {FILTER: predict_s + filtered - began}
-        if self.open_loop is not None:
-            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, named.marks)
-            method_s[OPEN_LOOP] = time.perf_counter() - filtered
-        unmeasured = [mark for mark in marks if mark.node not in self._measured]
-        refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
-        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight, predict_s)
 
 
 def check_followed(scene: Scene, place: object = "scene") -> None:

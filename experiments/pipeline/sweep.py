@@ -30,7 +30,7 @@ from experiments.formats.scenario import Scenario, SeenMarks, completed
 from experiments.formats.scene.filter import settings_of
 from experiments.formats.scene.scene import Scene, scene_of_tables
 from experiments.formats.scene.schema import FilterTable, SceneError, SceneFile
-from experiments.formats.sweep_file import MOTION, Setup, Sweep
+from experiments.formats.sweep_file import MOTION, Sweep
 from experiments.formats.toml_file import VERSION, validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
@@ -53,11 +53,16 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
     text = None if sweep.scene is None else read_text(sweep.scene)
     cases, checked = [], set()
     for setup in sweep.setups:
-        scenario = _motion_of(setup.scenario, text, sweep)
+        true = true_scene(text, setup.scenario, str(sweep.scene))
+        scenario = _motion_of(setup.scenario, true, text, sweep)
         if (name := json.dumps(scenario)) not in checked:
-            _check_forces(Scenario.model_validate(scenario), text, sweep)
+            _check_forces(true, Scenario.model_validate(scenario), sweep)
             checked.add(name)
-        _check_led(setup, text, sweep)
+        if setup.filter.led_nodes:
+            try:
+                assumed_scene(true, {}, setup.filter, text)
+            except SceneError as fault:
+                raise InputError(f"{sweep.path}: grid.{fault}") from None
         table = {
             "scenario": scenario,
             "filter": setup.filter.model_dump(exclude_unset=True),
@@ -71,9 +76,8 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
     return cases
 
 
-def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
+def _motion_of(scenario: Scenario, true: Scene, text: str | None, sweep: Sweep) -> dict[str, Any]:
     """The part of a scenario that determines the motion; the path of its scene is replaced by a constant name."""
-    true = true_scene(text, scenario, str(sweep.scene))
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
     with placed(sweep.path, InputError):
@@ -88,21 +92,11 @@ def _column(value: Any) -> str | int | float:
     return value if isinstance(value, str | int | float) else json.dumps(value)
 
 
-def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
+def _check_forces(true: Scene, scenario: Scenario, sweep: Sweep) -> None:
     """Before all runs, raise InputError for forces that do not fit the tissue."""
     with placed(sweep.path, InputError):
-        network = true_scene(text, scenario, str(sweep.scene)).network
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
-        start_and_forces(network, brief, np.random.default_rng(0))
-
-
-def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:
-    """Before all runs, raise InputError if the filter's `led_nodes` name a node that the tissue does not have."""
-    if setup.filter.led_nodes:
-        try:
-            assumed_scene(true_scene(text, setup.scenario, str(sweep.scene)), {}, setup.filter, text)
-        except SceneError as fault:
-            raise InputError(f"{sweep.path}: grid.{fault}") from None
+        start_and_forces(true.network, brief, np.random.default_rng(0))
 
 
 @lru_cache(maxsize=8)

@@ -201,29 +201,17 @@ def table(done: Track, method: str) -> pd.DataFrame:
     rows = pd.DataFrame([row(e) for e in estimates], columns=header(done.recording.scene.network.dim))
     errors = np.array([e.mean for e in estimates]) - done.truth
     rows["err_mm"] = 1e3 * np.linalg.norm(errors, axis=1)
-    rows["nees"] = _nees(errors, done.truth_cov, estimates)
+    rows["nees"] = [_nees(one, cov, e.cov) for one, cov, e in zip(errors, done.truth_cov, estimates, strict=True)]
     numbers = [column for column in rows.columns if column not in ("status", "marks_used", "model_only")]
     return rows.astype(dict.fromkeys(numbers, float))
 
 
-def _nees(errors: Floats, truth_cov: Floats, estimates: list[TargetEstimate]) -> Floats:
-    """NEES of each frame, (n_frames,): NaN if error or covariance is unknown, inf if the covariance is singular."""
-    nees = np.full(len(errors), np.nan)
-    covs = {
-        k: e.cov + truth_cov[k] for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()
-    }
-    if covs:
-        known = list(covs)
-        try:
-            nees[known] = normalised_error_squared(errors[known], np.array(list(covs.values())))
-        except np.linalg.LinAlgError:  # a batch with a singular matrix cannot be solved
-            nees[known] = [_nees_or_infinite(errors[k], cov) for k, cov in covs.items()]
-    return nees
-
-
-def _nees_or_infinite(error: Floats, cov: Floats) -> float:
+def _nees(error: Floats, truth_cov: Floats, cov: Floats | None) -> float:
+    """NEES of a frame: NaN if the error or its covariance is unknown, inf if the covariance is singular."""
+    if cov is None or not np.isfinite(error).all():
+        return float("nan")
     try:
-        return float(normalised_error_squared(error[None], cov[None])[0])
+        return float(normalised_error_squared(error[None], (cov + truth_cov)[None])[0])
     except np.linalg.LinAlgError:
         return float("inf")
 

@@ -6,11 +6,13 @@ Lengths are in mm, covariances in mm², times in s; missing numbers are null. Fo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
-from estimators import Guidance, Insertion, TargetEstimate
+from estimators import Guidance, Insertion
 from experiments.arrays import Floats
 from experiments.film.overlay import Overlay, within_95
 from experiments.film.strokes import Colour
@@ -18,7 +20,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.outside import outside_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import pose_line
-from experiments.pipeline.live.shown import Counters
+from experiments.pipeline.live.shown import Shown
 from experiments.version import version
 
 VERSION = 1
@@ -29,20 +31,8 @@ N_FACES = 1500
 """Largest number of faces in a surface for viewers; choice: as many as a browser can shade for each state."""
 
 
-def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
-    """The loop's performance counters for a state; interval_s: usual frame interval [s]."""
-    return {
-        "frames": known.frames,
-        "without_frame": known.without_frame,
-        "dropped": known.dropped,
-        "not_used": known.not_used,
-        "deadlines_missed": known.deadlines_missed,
-        "latency_ms": known.latency_ms if known.frames else None,
-        "latency_p99_ms": known.latencies.quantile_ms(0.99) if known.frames else None,
-        "rate_hz": None if interval_s is None else 1.0 / interval_s,
-        "memory_mb": memory_mb,
-        "stages_ms": {stage: 1e3 * seconds for stage, seconds in known.stages_s.items()},
-    }
+BAND = (0.025, 0.975)
+"""Quantiles of the 95 % interval of NIS."""
 
 
 def scene_message(
@@ -81,56 +71,61 @@ def scene_message(
 
 
 def state_message(
-    estimate: TargetEstimate,
+    shown: Shown,
     *,
     utc_s: float,
-    from_frame: bool,
-    counters: Mapping[str, Any],
+    memory_mb: float | None,
     overlay: Overlay | None = None,
     nodes_m: Floats | None = None,
-    nis_band: tuple[float, float] | None = None,
-    guidance: Guidance | None = None,
-    needle: Insertion | None = None,
-    fault: str | None = None,
     events: Sequence[Mapping[str, Any]] = (),
     recording: Mapping[str, Any] | None = None,
     paused: bool = False,
-    errors: str = "",
 ) -> dict[str, Any]:
     """The message of one state.
 
-    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False if it was predicted without a frame
-    counters: result of `counters_message`
-    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); nis_band: 95 % interval of NIS
-    needle: position of the needle; fault: reason why the estimate is not reliable, None if it is reliable
-    errors: the largest sources of the target's variance
+    utc_s: the time of the estimate, in seconds since 1970 UTC; memory_mb: memory of the process
+    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim)
     events: the last events, {"utc_s", "text"}; recording: {"folder", "frames"} while a recording is written
     """
+    estimate, guidance = shown.estimate, shown.guidance
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
     return {
         "type": "state",
         "version": VERSION,
         "time_s": estimate.time_s,
         "utc_s": utc_s,
-        "from_frame": from_frame,
+        "from_frame": shown.step is not None,
         "status": str(estimate.status),
-        "fault": fault,
+        "fault": shown.fault,
         "target_mm": _mm(estimate.mean),
         "cov_mm2": None if cov is None else (1e6 * cov).tolist(),
         "sigma_mm": None if cov is None else 1e3 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0))),
-        "errors": errors,
+        "errors": shown.errors,
         "marks_used": estimate.marks_used,
         "nis": estimate.nis,
-        "nis_band": nis_band,
+        "nis_band": nis_band(estimate.degrees),
         "poked": estimate.poked,
         "nodes_mm": None if nodes_m is None else [_mm(one) for one in nodes_m],
         "advice": None if guidance is None else _advice(guidance),
-        "needle": None if needle is None else _needle(needle),
+        "needle": None if shown.plan is None else _needle(shown.plan.insertion),
         "picture": None if overlay is None else _picture(overlay),
-        "counters": dict(counters),
+        "counters": _counters(shown, memory_mb),
         "events": [dict(one) for one in events],
         "recording": recording,
         "paused": paused,
+    }
+
+
+def _counters(shown: Shown, memory_mb: float | None) -> dict[str, Any]:
+    """The loop's performance counters."""
+    known = shown.counters
+    return {
+        **known.numbers,
+        "latency_ms": known.latency_ms if known.frames else None,
+        "latency_p99_ms": known.latencies.quantile_ms(0.99) if known.frames else None,
+        "rate_hz": None if shown.interval_s is None else 1.0 / shown.interval_s,
+        "memory_mb": memory_mb,
+        "stages_ms": {stage: 1e3 * seconds for stage, seconds in known.stages_s.items()},
     }
 
 
@@ -206,3 +201,12 @@ def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
 def _colour(colour: Colour) -> str:
     blue, green, red = colour
     return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+@lru_cache(maxsize=256)
+def nis_band(degrees: int) -> tuple[float, float] | None:
+    """The 95 % interval of NIS for this number of coordinates; None for zero."""
+    if not degrees:
+        return None
+    low, high = chi2.ppf(BAND, degrees)
+    return float(low), float(high)

@@ -6,11 +6,11 @@ import logging
 import time
 from collections import deque
 from collections.abc import Mapping
-from functools import lru_cache, partial
+from dataclasses import replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
-from scipy.stats import chi2
 
 from estimators import Advice, Guidance, Status, TargetEstimate
 from experiments.errors import InputError
@@ -35,8 +35,9 @@ from experiments.servers.commands import (
     read_command,
 )
 from experiments.servers.link import Link
-from experiments.servers.message import counters_message, scene_message, state_message
+from experiments.servers.message import scene_message, state_message
 from vision import Frame, SourceError
+from vision.arrays import Image
 
 LAST_EVENTS = 8
 """Number of events in a state; choice."""
@@ -46,9 +47,6 @@ TELLS_S = 2.0
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
-
-BAND = (0.025, 0.975)
-"""Quantiles of the 95 % interval of NIS."""
 
 
 class LastEvents(logging.Handler):
@@ -82,55 +80,36 @@ class Shows:
         """Show a frame without an estimate, or report that there is no frame."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
-        since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
+        at_s = time.monotonic() if frame is None else frame.exposure_s
         nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
         guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
-        self.link.publish(
-            partial(
-                state_message,
-                nowhere,
-                utc_s=time.time() - since_s,
-                from_frame=False,
-                counters=counters_message(Counters(not_used=n_shown), None, self._memory_mb),
-                guidance=guidance,
-                fault=PREPARING,
-                events=list(self._events.lines),
-            ),
-            frame.image if frame is not None and self.link.wants_picture else None,
-        )
+        counters = Counters(not_used=n_shown)
+        shown = Shown(nowhere, at_s, frame, None, guidance, None, PREPARING, None, counters, "")
+        self._send(shown, frame.image if frame is not None and self.link.wants_picture else None)
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Publish the present state."""
-        watched = self.link.wants_picture
         camera = self._camera if shown.frame is None else line.camera
-        overlay = nodes_m = image = None
-        if watched and camera is not None and shown.step is not None:
+        overlay = image = None
+        if self.link.wants_picture and camera is not None and shown.step is not None:
             overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
             image = None if shown.frame is None else shown.frame.image
-        if camera is None:
-            nodes_m = line.filter.positions
         if not shown.counters.frames % 64:
             self._memory_mb = memory_mb()
-        self.link.publish(
-            partial(
-                state_message,
-                shown.estimate,
-                utc_s=shown.at_s + time.time() - time.monotonic(),
-                from_frame=shown.step is not None,
-                counters=counters_message(shown.counters, shown.interval_s, self._memory_mb),
-                overlay=overlay,
-                nodes_m=nodes_m,
-                nis_band=nis_band(shown.estimate.degrees),
-                guidance=shown.guidance,
-                needle=None if shown.plan is None else shown.plan.insertion,
-                fault=shown.fault,
-                events=list(self._events.lines),
-                recording=self._recording,
-                paused=self._paused,
-                errors=shown.errors,
-            ),
-            image,
+        self._send(shown, image, overlay=overlay, nodes_m=line.filter.positions if camera is None else None)
+
+    def _send(self, shown: Shown, image: Image | None, **of_picture: Any) -> None:
+        message = partial(
+            state_message,
+            replace(shown, counters=replace(shown.counters)),  # a copy: another thread makes the message later
+            utc_s=shown.at_s + time.time() - time.monotonic(),
+            memory_mb=self._memory_mb,
+            events=list(self._events.lines),
+            recording=self._recording,
+            paused=self._paused,
+            **of_picture,
         )
+        self.link.publish(message, image)
 
     def attend(self, control: Control) -> None:
         """Handle the requests since the last cycle of the loop, and report failed requests.
@@ -186,12 +165,3 @@ def do(command: Command, control: Control) -> None:
             control.session.needle_unseen()
         case _:
             raise ValueError("fix: expected place_mm or place_px, found neither")
-
-
-@lru_cache(maxsize=256)
-def nis_band(degrees: int) -> tuple[float, float] | None:
-    """The 95 % interval of NIS for this number of coordinates; None for zero."""
-    if not degrees:
-        return None
-    low, high = chi2.ppf(BAND, degrees)
-    return float(low), float(high)

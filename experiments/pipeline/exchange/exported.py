@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -61,5 +61,4 @@ def _start_ns(start: str) -> int:
         found = None
     if found is None or found.tzinfo is None:
         raise InputError.at("--start", "a time with its zone, such as 2026-01-31T09:00:00Z", shown(start))
-    since = found - datetime(1970, 1, 1, tzinfo=UTC)
-    return ((since.days * 86400 + since.seconds) * 10**6 + since.microseconds) * 1000
+    return (found - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000

@@ -11,7 +11,6 @@ import numpy as np
 from estimators import (
     AbortWatch,
     Advice,
-    AheadTables,
     Guidance,
     TargetEstimate,
     TargetPath,
@@ -19,11 +18,12 @@ from estimators import (
     advise,
     health_fault,
     path_by_tables,
+    path_reach_s,
     path_tables,
 )
 from experiments.arrays import Floats
 from experiments.formats.needle_file import NeedlePlan
-from experiments.pipeline.advise import BreathingPath, header, reach_s, row
+from experiments.pipeline.advise import BreathingPath, header, row
 from experiments.pipeline.live.outputs import LiveTable
 
 UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker has sent no pose"
@@ -48,12 +48,15 @@ class LiveAdvice:
         self._push = plan.push_on(tissue.network, tissue.target.point)
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.network.dim
-        self._tables = path_tables(tissue, reach_s(plan, tissue))
+        self._tables = path_tables(tissue, path_reach_s(tissue, plan.insertion, plan.needle, plan.settings))
         self._breath = BreathingPath(self._dim)
         self._last: TargetEstimate | None = None
         self.origin_s = 0.0
-        self._compiled(self._tables)
         self.table = LiveTable(rows, header(self._dim))
+        n = self._tables.n_times
+        means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))
+        path = TargetPath(self._tables.cycle_s * np.arange(n, dtype=np.float64), means, covs)
+        advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)  # loads compiled code
 
     def forget(self) -> None:
         """Discard the breathing model and the last estimate, because the filter restarts; the needle is kept."""
@@ -66,30 +69,25 @@ class LiveAdvice:
             raise ValueError(f"needle: expected {dim} coordinates, found {len(tip_m)}, {len(direction)}")
         self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
 
-    def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
-        """Write and return the advice at now_s [s], from the estimate of the newest frame.
+    def seen(
+        self, tissue: TissueFilter, estimate: TargetEstimate | None, now_s: float, fault: str | None = None
+    ) -> Guidance | None:
+        """Write and return the advice at now_s [s]; None before the first estimate.
 
-        fault: reason to give no guidance, whatever the estimate
+        estimate: that of the newest frame, or None without a new frame; fault: reason to give no guidance, whatever the
+        estimate
         """
-        self._last = estimate
-        self._breath.learn(tissue, estimate)
-        return self._said(tissue, estimate, now_s, estimate.time_s, fault)
-
-    def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
-        """Write and return the advice at now_s [s] without a new frame; None before the first estimate.
-
-        fault: reason to give no guidance, whatever the estimate
-        """
-        return None if self._last is None else self._said(tissue, self._last, now_s, now_s, fault)
-
-    def _said(
-        self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
-    ) -> Guidance:
+        of_s = now_s if estimate is None else estimate.time_s
+        if estimate is not None:
+            self._last = estimate
+            self._breath.learn(tissue, estimate)
+        if self._last is None:
+            return None
         silent_s, most_s = now_s - self.posed_s, self.plan.settings.needle_s
         if silent_s > most_s:
             fault = UNSEEN if np.isinf(silent_s) else f"{SILENT} for {silent_s:.1f} s, more than {most_s:g} s"
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
-        found = none or self._guided(tissue, estimate, now_s)
+        found = none or self._guided(tissue, self._last, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
         own = replace(guided, arrival_s=arrival_s)
@@ -107,13 +105,6 @@ class LiveAdvice:
         path = self._push.pushed(path, plan.insertion)
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
-
-    def _compiled(self, tables: AheadTables) -> None:
-        """Load compiled code before the first frame."""
-        plan, n = self.plan, tables.n_times
-        means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))
-        path = TargetPath(tables.cycle_s * np.arange(n, dtype=np.float64), means, covs)
-        advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:

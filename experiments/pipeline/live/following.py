@@ -173,15 +173,11 @@ def _report(
     unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
     counters, fault = session.counters, fault or unwritten
     return {
-        "frames": counters.frames,
-        "without_frame": counters.without_frame,
-        "dropped": counters.dropped,
-        "not_used": counters.not_used,
+        **counters.numbers,
         "statuses": dict(session.statuses),
         "p50_ms": counters.latencies.quantile_ms(0.5),
         "p99_ms": counters.latencies.quantile_ms(0.99),
         "worst_ms": counters.latencies.worst_ms,
-        "deadlines_missed": counters.deadlines_missed,
         "memory_mb": [counters.began_mb, memory_mb()],
         "advice": None if session.advice is None else dict(session.advice.counts),
         "refused": refused,

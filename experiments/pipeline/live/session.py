@@ -29,7 +29,7 @@ from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_distractors, report_event, report_move, report_swap
+from experiments.pipeline.events import DISTRACTOR, distractor_line, report_event, report_move, report_swap
 from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.integrity import IntegrityMonitor, shares_words, variance_shares
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
@@ -185,7 +185,8 @@ class Session:
             self._usable = False
             return None
         self._usable = True
-        report_distractors(self._own_s(exposure_s), () if step.sight is None else step.sight.came)
+        for came in () if step.sight is None else step.sight.came:
+            report_event(self._own_s(exposure_s), DISTRACTOR, distractor_line(came))
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
@@ -244,7 +245,7 @@ class Session:
         if now_s > tissue.time_s:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
-            advised = None if self.advice is None else self.advice.unseen(tissue, now_s, self._fault)
+            advised = None if self.advice is None else self.advice.seen(tissue, None, now_s, self._fault)
             self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
             self._publish(ahead, None, None, advised, now_s)
 

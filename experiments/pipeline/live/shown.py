@@ -68,6 +68,12 @@ class Counters:
         """Number of frames that had no estimate when the next frame was due."""
         return self.late + self.dropped
 
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The numbers of frames, by name."""
+        names = ("frames", "without_frame", "dropped", "not_used", "deadlines_missed")
+        return {name: getattr(self, name) for name in names}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:

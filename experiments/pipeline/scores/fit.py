@@ -47,7 +47,7 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    frames: number of frames; degrees: mean degrees of freedom of a frame, one per measured coordinate
+    degrees: mean degrees of freedom of a frame, one per measured coordinate
     low, high: the band; noise: mean estimated factor on the stated standard deviation of marks [1]
     """
 
@@ -55,7 +55,6 @@ class Fit:
     degrees: float
     low: float
     high: float
-    frames: int
     noise: float = 1.0
 
     @property
@@ -79,7 +78,7 @@ def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
         return None
     noise = float(np.mean([e.noise for e in judged]))
     mean_degrees, n = float(degrees[known].mean()), int(known.sum())
-    return Fit(float(nis[known].mean()), mean_degrees, *mean_bounds(mean_degrees, n), n, noise)
+    return Fit(float(nis[known].mean()), mean_degrees, *mean_bounds(mean_degrees, n), noise)
 
 
 def sigmas_m(estimates: Sequence[TargetEstimate]) -> list[float]:

@@ -94,9 +94,8 @@ class CameraSight:
 
     def one(self, node: str, mean: Floats, cov: Floats) -> vision.Expected:
         """A mark expected at this position [m], (3,), with this covariance [m²], (3, 3)."""
-        return self._looked_for(np.array([self._numbers[node]]), mean[None], cov[None], *self.camera.seen(mean[None]))[
-            0
-        ]
+        rows, means = np.array([self._numbers[node]]), mean[None]
+        return self._looked_for(rows, means, cov[None], *self.camera.seen(means))[0]
 
     def _looked_for(
         self, rows: NDArray[np.int64], means: Floats, covs: Floats, places_px: Floats, by_place: Floats

@@ -11,13 +11,11 @@ from scipy.stats import chi2
 import vision
 from estimators import MarkMeasurement
 from experiments.arrays import Floats
-from experiments.errors import InputError
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import outward
 from experiments.pipeline.sight.camera import CameraPose, CameraSight
 from experiments.pipeline.sight.plane import ReferenceSeen
-from vision import LostMark, Reason, SpaceCamera
-from vision.arrays import Image
+from vision import LostMark, Reason
 
 MISFIT = 1e-4
 """The p-value of the distance between the rays to a mark below which two cameras see different objects [1]; choice: the
@@ -60,7 +58,7 @@ class SpaceSight:
         predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
         after_impulse: Callable[[str], tuple[Floats, Floats]],
     ) -> tuple[MarkMeasurement, ...]:
-        """The marks in pictures taken at one time; raises InputError for a picture of another size.
+        """The marks in pictures taken at one time, each of the size that its camera states.
 
         predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
         after_impulse: the same for one node, if an impulse has acted on it since its mark was last found
@@ -71,7 +69,6 @@ class SpaceSight:
         seen, self.lost, self.came = [], {}, ()
         for name, image in exposure.images.items():
             sight = self.cameras[name]
-            check_size(sight.camera, image)
             if name in self.poses:
                 references.append(self.poses[name].update(image, exposure.exposure_s))
                 sight.camera, sight.steps = self.poses[name].sight.camera, self.poses[name].sight.steps
@@ -119,14 +116,6 @@ class SpaceSight:
             measured.append(MarkMeasurement(node, points.positions[i], points.covs[i], shared))
         self.single = frozenset(mark.node for mark in measured if points.n_views[self._numbers[mark.node]] == 1)
         return tuple(measured)
-
-
-def check_size(camera: SpaceCamera, image: Image) -> None:
-    """Raise InputError if a picture's size differs from that of its camera."""
-    height, width = image.shape[:2]
-    if camera.size_px != (width, height):
-        found = f"[{width}, {height}]"
-        raise InputError.at(f"picture of camera {camera.name}", str(list(camera.size_px)), found)
 
 
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:

@@ -122,8 +122,8 @@ class _Server:
         finally:
             for task in tasks:
                 task.cancel()
+            writer.transport.abort()  # before waiting: the server may be cancelled meanwhile
             await asyncio.gather(*tasks, return_exceptions=True)
-            writer.transport.abort()
 
     async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
         """Send the sphere, then always the newest packet; packets that come during a transmission are skipped."""

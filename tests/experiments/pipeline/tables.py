@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from estimators import MarkMeasurement
 from experiments.formats.scene.scene import Scene, write_scene
 
 Seen = Iterable[tuple[str, np.ndarray]]
@@ -27,3 +28,11 @@ def near(scene: Scene, nodes: Iterable[str], sd_m: float, rng: np.random.Generat
     """Marks where these nodes are drawn, with noise."""
     at = {node: scene.network.positions[scene.network.index(node)] for node in nodes}
     return [(node, place + rng.normal(0.0, sd_m, len(place))) for node, place in at.items()]
+
+
+def measured(
+    scene: Scene, nodes: Iterable[str], sd_m: float, positions: np.ndarray | None = None
+) -> list[MarkMeasurement]:
+    """Marks of these nodes, to this deviation, where they are among these positions of all nodes [m], or are drawn."""
+    x = scene.network.positions if positions is None else positions
+    return [MarkMeasurement(node, x[scene.network.index(node)], sd_m**2 * np.eye(x.shape[1])) for node in nodes]

@@ -1,6 +1,6 @@
 """`compare` runs the methods of the registry as themselves, a new one too, and no other."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,23 +17,17 @@ from tests.experiments.pipeline.tables import near, write_recording
 N_FRAMES = 8
 
 
+@dataclass
 class Toy:
-    """A method that puts the target where no other would."""
+    """A method that puts the target where no other would, 1 km off, in the first frames."""
+
+    most: int
 
     def run(self, frames, advance):
-        """One estimate a frame, 1 km off."""
-        for k, (time_s, marks) in enumerate(frames, start=1):
+        """One estimate a frame."""
+        for k, (time_s, marks) in enumerate(frames[: self.most], start=1):
             advance(k / len(frames))
             yield [TargetEstimate(time_s, np.array([1000.0, len(marks)]), None, Status.TRACKING, len(marks))]
-
-
-class Short:
-    """A method that leaves out all frames but the first."""
-
-    def run(self, frames, advance):
-        """One block of one estimate."""
-        advance(1.0)
-        yield [TargetEstimate(frames[0][0], np.zeros(2), None, Status.TRACKING, 0)]
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +40,7 @@ def recording(tmp_path_factory):
 
 def test_a_newly_registered_method_runs_as_itself(recording, monkeypatch, tmp_path):
     """Its estimates are its own, from the measured marks only; it has a table and a place in the picture."""
-    monkeypatch.setitem(METHODS, "toy", lambda _problem: Toy())
+    monkeypatch.setitem(METHODS, "toy", lambda _problem: Toy(N_FRAMES))
     done = compare(recording, chosen("toy"))
     assert methods_of(done) == ["open-loop", "filter", "toy"]
     np.testing.assert_array_equal([e.mean for e in done.estimates("toy")], [[1000.0, 3.0]] * N_FRAMES)
@@ -78,6 +72,6 @@ def test_names_that_are_not_registered_raise(recording):
 
 
 def test_a_method_that_leaves_out_frames_is_not_taken(recording, monkeypatch):
-    monkeypatch.setitem(METHODS, "short", lambda _problem: Short())
-    with pytest.raises(ValueError, match="short: expected an estimate of each of 8 frames, found 1"):
-        compare(recording, chosen("short"))
+    monkeypatch.setitem(METHODS, "toy", lambda _problem: Toy(1))
+    with pytest.raises(ValueError, match="toy: expected an estimate of each of 8 frames, found 1"):
+        compare(recording, chosen("toy"))

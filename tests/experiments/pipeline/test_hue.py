@@ -35,7 +35,6 @@ def test_the_keys_are_those_of_the_mark(pictures: Path) -> None:
 @pytest.mark.parametrize(
     ("at", "frame", "message"),
     [
-        ("here", 0, '--at: expected two numbers, U,V, found "here"'),
         ("100,90", 7, "expected a frame 7, found fewer"),
         ("900,90", 0, "frame 0: place: expected one inside 320 x 240 px, found 900, 90"),
         ("250,200", 0, "frame 0: place 250, 200: expected"),

@@ -1,6 +1,7 @@
 """`softaim plan`: tables, a picture, and what is said of a plan that cannot be read."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -67,6 +68,13 @@ def plan_file(tmp_path: Path) -> Path:
     return tmp_path / "plan.toml"
 
 
+def write_marks(folder: Path, by_m: Sequence[float], sd_m: float) -> None:
+    """The table of the phantom's marks, 30 frames a second, aside by this in each."""
+    phantom = four_mass_phantom()
+    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + [by, 0.0], sd_m) for n in OUTER] for by in by_m]
+    write_marks_csv(folder / "marks.csv", np.arange(len(by_m)) / 30.0, rows, dim=2)
+
+
 def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     """All paths in the table, ranked, in mm; the best of plan.json is its first row; the picture can be read."""
     out = tmp_path / "out"
@@ -94,13 +102,6 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     best_blue = (np.abs(picture.astype(int) - [0xB2, 0x72, 0x00]).max(axis=2) < 12).sum()
     assert best_blue > 50
     assert "Paths to M2" in capsys.readouterr().out
-
-
-def test_the_picture_of_a_plan_that_allows_no_path_can_be_printed(scene, plan_file):
-    plan_file.write_text(PLAN.replace("max_length_mm = 140.0", "max_length_mm = 20.0"))
-    done = planned(scene, plan_file)
-    assert not done.plan.allowed.any()
-    check_printed(plan_figure(done))
 
 
 BREAST_PLAN = """\
@@ -149,14 +150,10 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     folder.mkdir()
     scene.rename(folder / "scene.toml")
     plan_file.write_text(PLAN.replace("version = 1", "version = 1\narrival_s = 0.2"))
-    phantom = four_mass_phantom()
-    times = np.arange(20) / 30.0
-    moved = [0.006 * min(1.0, k / 10) + 1e-7 * k for k in range(20)]
-    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + [by, 0.0], 1e-3) for n in OUTER] for by in moved]
-    write_marks_csv(folder / "marks.csv", times, rows, dim=2)
+    write_marks(folder, [0.006 * min(1.0, k / 10) + 1e-7 * k for k in range(20)], 1e-3)
     assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
     reported = json.loads((tmp_path / "out" / "plan.json").read_text())
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     read = read_recording(folder)
     for t, marks in zip(read.exposures_s, read.marks, strict=True):
         tissue.predict(float(t))
@@ -166,9 +163,8 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     unstated = IntegrityMonitor(read.scene, tissue).unstated
     assert np.trace(unstated) > 1e-6
     np.testing.assert_allclose(reported["target"]["cov_mm2"], 1e6 * (said.cov + unstated), rtol=1e-3)
-    assert reported["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
-    again = softaim("plan", folder, "--plan", plan_file, "--out", folder / "out")
-    assert again == 2
+    assert reported["target"]["time_s"] == pytest.approx(19 / 30 + 0.2)
+    assert softaim("plan", folder, "--plan", plan_file, "--out", folder / "out") == 2
 
 
 def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
@@ -176,9 +172,8 @@ def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
 
     With the bias of 1 mm that fixes may share the target moves by 1 mm at least, and is better known.
     """
+    write_marks(tmp_path, 1e-7 * np.arange(12), 4e-3)
     phantom = four_mass_phantom()
-    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + 1e-7 * k, 4e-3) for n in OUTER] for k in range(12)]
-    write_marks_csv(tmp_path / "marks.csv", np.arange(12) / 30.0, rows, dim=2)
     without = planned(tmp_path, plan_file).lesion
     x, y = 1e3 * phantom.positions[phantom.index(HIDDEN)]
     (tmp_path / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n0.365,{x + 2.0},{y},0.5\n")
@@ -188,9 +183,7 @@ def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
 
 
 def test_nothing_is_planned_by_an_estimate_that_has_just_begun(scene, plan_file, tmp_path):
-    phantom = four_mass_phantom()
-    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + 1e-7 * k, 1e-3) for n in OUTER] for k in range(2)]
-    write_marks_csv(tmp_path / "marks.csv", np.arange(2) / 30.0, rows, dim=2)
+    write_marks(tmp_path, [0.0, 1e-7], 1e-3)
     with pytest.raises(InputError, match=r"that is TRACKING or COASTING, .* found INITIALISING"):
         planned(tmp_path, plan_file)
 
@@ -208,7 +201,7 @@ def test_a_plan_file_is_read_in_metres(plan_file):
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys):
+def test_where_nothing_is_allowed_it_says_why_and_the_picture_can_be_printed(scene, plan_file, tmp_path, capsys):
     wall = '[[obstacle]]\nname = "wall"\nfrom_mm = [-300.0, 225.0]\nto_mm = [300.0, 225.0]\nradius_mm = 2.0\n'
     plan_file.write_text(PLAN + wall)
     assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 0
@@ -216,6 +209,7 @@ def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys
     assert reported["best"] is None
     assert reported["rejected_by"]["wall"] == 100
     assert "No path is allowed" in capsys.readouterr().out
+    check_printed(plan_figure(planned(scene, plan_file)))
 
 
 def test_the_next_best_are_other_ways(scene, plan_file):
@@ -234,7 +228,6 @@ def test_the_next_best_are_other_ways(scene, plan_file):
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ("gauge = 16", "guage = 16", "needle.guage: expected one of gauge, "),
         ("gauge = 16", "gauge = 15", "needle: gauge: expected one of 14, 16, 18, 20, 22, found 15"),
         ("normal = [0.0, 1.0]", "normal = [0.0, 0.0]", "entry: normal: expected a direction out of the tissue"),
         ("to_mm = [130.0, 268.0]", "to_mm = [0.0, 1.0, 2.0]", "entry.to_mm: expected 2 numbers, as the scene has"),

@@ -17,7 +17,7 @@ from experiments.errors import InputError
 from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, listening, names_of, usual
 from experiments.servers.link import Link, jpeg, text_of
 from experiments.servers.opening import served
-from tests.experiments.servers.openigtlink.states import SCENE, state
+from tests.experiments.servers.openigtlink.connections import SCENE, state
 from tests.experiments.waiting import until
 
 STARTS_S = 120.0

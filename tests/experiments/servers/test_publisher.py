@@ -13,7 +13,8 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.session import PAUSED, Session
 from experiments.servers import publisher
 from experiments.servers.commands import read_command
-from experiments.servers.publisher import Shows, do, nis_band
+from experiments.servers.message import nis_band
+from experiments.servers.publisher import Shows, do
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Any, Never
+from typing import Annotated, Any, Never
 
 import numpy as np
+from pydantic import Field
 
-from experiments.arrays import Floats
-from experiments.errors import shown
-from experiments.formats.marks.rows import AXES, MarkRow, are_definite, cov_names, cov_of
+from experiments.errors import InputError, shown
+from experiments.formats.marks.rows import MarkRow, are_definite, cov_names, cov_of
 from experiments.formats.scene.scene import Scene
+from experiments.formats.toml_file import Strict, check_axes, validated
 
 LONGEST_LINE = 65_536
 """Largest number of bytes in a line, equal to that of a datagram."""
@@ -20,9 +20,26 @@ LONGEST_LINE = 65_536
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
 """Largest coordinate and least standard deviation in a line [mm]: a kilometre and a nanometre."""
 
+Coordinate = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
+Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
 
-class LineError(ValueError):
-    """Error for an invalid line; the message has the position in the line, what was expected and what was found."""
+
+class SentMark(Strict):
+    """A mark in a line; either sd_mm or cov_mm2 is stated, and z_mm in space."""
+
+    node: str
+    x_mm: Coordinate
+    y_mm: Coordinate
+    z_mm: Coordinate | None = None
+    sd_mm: Annotated[float, Field(ge=FINEST_MM, le=FARTHEST_MM)] | None = None
+    cov_mm2: list[Entry] | None = None
+
+
+class SentLine(Strict):
+    """The table in a line."""
+
+    time_s: float
+    marks: list[SentMark]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,88 +53,50 @@ class SentFrame:
 def read_line(line: bytes, scene: Scene) -> SentFrame:
     """Read a frame from a line such as `{"time_s": 1.5, "marks": [{"node": "M1", "x_mm": 0.0, ...}]}`.
 
-    Raises LineError.
+    Raises InputError.
     """
     if len(line) > LONGEST_LINE:
-        raise LineError(f"expected up to {LONGEST_LINE} bytes, found more")
+        raise InputError(f"expected up to {LONGEST_LINE} bytes, found more")
     try:
         stated = json.loads(line.decode("utf-8"), object_pairs_hook=_once, parse_constant=_no_number)
-    except LineError:
-        raise
     except (ValueError, RecursionError):
-        raise LineError(f"expected a line of JSON, found {shown(line[:80].decode('utf-8', 'replace'))}") from None
-    table = _table("the line", stated, ("time_s", "marks"))
-    time_s = _number("time_s", table["time_s"])
-    marks = table["marks"]
-    if not isinstance(marks, list):
-        raise LineError(f"marks: expected a list, found {shown(marks)}")
-    rows = tuple(_mark(f"marks[{i}]", mark, scene) for i, mark in enumerate(marks))
-    seen: set[str] = set()
-    for i, row in enumerate(rows):
-        if row.node in seen:
-            raise LineError(f"marks[{i}].node: expected each node once, found {shown(row.node)} again")
-        seen.add(row.node)
-    return SentFrame(time_s, rows)
-
-
-def _mark(place: str, stated: object, scene: Scene) -> MarkRow:
-    axes = AXES[: scene.network.dim]
-    spread = "cov_mm2" if isinstance(stated, dict) and "cov_mm2" in stated else "sd_mm"
-    table = _table(place, stated, ("node", *axes, spread))
-    node = table["node"]
-    if not isinstance(node, str) or node not in scene.mark_names:
-        raise LineError(f"{place}.node: expected a node with a mark in the scene, found {shown(node)}")
-    position_mm = np.array([_number(f"{place}.{axis}", table[axis], -FARTHEST_MM) for axis in axes])
-    if spread == "sd_mm":
-        return MarkRow(node, 1e-3 * position_mm, 1e-3 * _number(f"{place}.sd_mm", table["sd_mm"], FINEST_MM))
-    return MarkRow.of_cov(node, 1e-3 * position_mm, _cov(f"{place}.cov_mm2", table["cov_mm2"], scene.network.dim))
-
-
-def _cov(place: str, stated: object, dim: int) -> Floats:
-    names = cov_names(dim)
-    if not isinstance(stated, list) or len(stated) != len(names):
-        raise LineError(f"{place}: expected {', '.join(names)} in a list, found {shown(stated)}")
-    entries = [_number(f"{place}[{k}]", entry) for k, entry in enumerate(stated)]
-    if not max(map(abs, entries)) <= FARTHEST_MM**2:
-        raise LineError(f"{place}: expected up to {FARTHEST_MM**2:g}, found {shown(stated)}")
-    covs = cov_of([entries], dim)
-    if not are_definite(covs)[0] or covs[0].diagonal().min() < (1e-3 * FINEST_MM) ** 2:
-        raise LineError(f"{place}: expected a positive definite covariance, found {shown(stated)}")
-    return covs[0]
-
-
-def _table(place: str, stated: object, keys: tuple[str, ...]) -> dict[str, Any]:
+        raise InputError(f"expected a line of JSON, found {shown(line[:80].decode('utf-8', 'replace'))}") from None
     if not isinstance(stated, dict):
-        raise LineError(f"{place}: expected a table, found {shown(stated)}")
-    for key in keys:
-        if key not in stated:
-            raise LineError(f"{place}: expected the key {key}, found none")
-    for key in stated:
-        if key not in keys:
-            raise LineError(f"{place}: expected {', '.join(keys)}, found the key {shown(key)}")
-    return stated
+        raise InputError.at("the line", "a table", shown(stated))
+    read = validated(stated, SentLine, "")
+    names = [mark.node for mark in read.marks]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InputError.at(f"marks[{i}].node", "each node once", f"{shown(name)} again")
+    return SentFrame(read.time_s, tuple(_row(f"marks[{i}]", mark, scene) for i, mark in enumerate(read.marks)))
 
 
-def _number(place: str, stated: object, least: float | None = None) -> float:
-    if isinstance(stated, bool) or not isinstance(stated, (int, float)):
-        raise LineError(f"{place}: expected a number, found {shown(stated)}")
-    try:
-        number = float(stated)
-    except OverflowError:
-        number = inf
-    if not isfinite(number):
-        raise LineError(f"{place}: expected a finite number, found {shown(stated)}")
-    if least is not None and not least <= number <= FARTHEST_MM:
-        raise LineError(f"{place}: expected {least:g} to {FARTHEST_MM:g}, found {number:g}")
-    return number
+def _row(place: str, mark: SentMark, scene: Scene) -> MarkRow:
+    dim = scene.network.dim
+    if mark.node not in scene.mark_names:
+        raise InputError.at(f"{place}.node", "a node with a mark in the scene", shown(mark.node))
+    if (mark.sd_mm is None) == (mark.cov_mm2 is None):
+        raise InputError.at(place, "either sd_mm or cov_mm2", "neither" if mark.sd_mm is None else "both")
+    place_mm = [x for x in (mark.x_mm, mark.y_mm, mark.z_mm) if x is not None]
+    check_axes(place, place_mm, dim)
+    position_m = 1e-3 * np.array(place_mm)
+    if mark.cov_mm2 is None:
+        return MarkRow(mark.node, position_m, 1e-3 * (mark.sd_mm or 0.0))
+    names = cov_names(dim)
+    if len(mark.cov_mm2) != len(names):
+        raise InputError.at(f"{place}.cov_mm2", f"{', '.join(names)} in a list", shown(mark.cov_mm2))
+    covs = cov_of([mark.cov_mm2], dim)
+    if not are_definite(covs)[0] or covs[0].diagonal().min() < (1e-3 * FINEST_MM) ** 2:
+        raise InputError.at(f"{place}.cov_mm2", "a positive definite covariance", shown(mark.cov_mm2))
+    return MarkRow.of_cov(mark.node, position_m, covs[0])
 
 
-def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        raise LineError(f"expected each key once, found {shown([key for key, _ in pairs])}")
+        raise InputError(f"expected each key once, found {shown([key for key, _ in pairs])}")
     return table
 
 
 def _no_number(text: str) -> Never:
-    raise LineError(f"expected finite numbers, found {text}")
+    raise InputError(f"expected finite numbers, found {text}")

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from estimators import MarkMeasurement
+from experiments.errors import InputError
 from experiments.formats.marks.drawing import FirstMarks, of_another_size
 from experiments.formats.marks.repeats import values_of
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.live.marks.lines import LineError, SentFrame, read_line
+from experiments.pipeline.live.marks.lines import SentFrame, read_line
 from experiments.pipeline.live.marks.sender_clock import OrderError, SenderClock
 from experiments.pipeline.track import measurement
 from vision import (
@@ -115,7 +116,7 @@ class LiveMarks(Closing):
             return
         try:
             self.take(read_line(line, self._scene), arrival_s)
-        except LineError as error:
+        except InputError as error:
             self.refuse("malformed", str(error))
 
     def take(self, frame: SentFrame, arrival_s: float) -> None:
@@ -125,7 +126,7 @@ class LiveMarks(Closing):
             try:
                 exposure_s = self._sender.exposure_s(frame.time_s, arrival_s)
             except OrderError as error:
-                self._refuse("out of order", str(error))
+                self.refuse("out of order", str(error))
                 return
             if self._sender.restarts > restarts:
                 text = f"the sender's clock was set to {frame.time_s:.3f} s"
@@ -137,7 +138,7 @@ class LiveMarks(Closing):
             if line is not None:
                 self._events.append(SourceEvent(arrival_s, EventKind.ASIDE, line))
             if (size := of_another_size(self._scene, places)) is not None:
-                self._refuse("of another size", size)
+                self.refuse("of another size", size)
                 return
             repeats, events = self._frozen.saw(exposure_s, values_of(frame.marks))
             self._events += events
@@ -152,13 +153,10 @@ class LiveMarks(Closing):
     def refuse(self, kind: str, text: str) -> None:
         """Count unusable input, and report it when due; text: what was expected and found."""
         with self._changed:
-            self._refuse(kind, text)
-
-    def _refuse(self, kind: str, text: str) -> None:
-        self.refused[kind] += 1
-        n, first = self._unreported.get(kind, (0, text))
-        self._unreported[kind] = n + 1, first
-        self._report()
+            self.refused[kind] += 1
+            n, first = self._unreported.get(kind, (0, text))
+            self._unreported[kind] = n + 1, first
+            self._report()
 
     def _report(self) -> None:
         """Make the report on refused input if it is due: for each kind, the number and the first message."""

@@ -12,7 +12,7 @@ from experiments.formats.recording import read_marks
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark, reference_places
 from experiments.formats.scene.scene import Scene, read_scene, scene_digest, write_scene
-from experiments.pipeline.live.marks.lines import LineError, read_line
+from experiments.pipeline.live.marks.lines import read_line
 from tests.experiments.rows import complaint, rows
 
 GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
@@ -111,5 +111,5 @@ def test_rows_of_a_table_and_lines_carry_a_reference_marks_name(tmp_path):
     plain = replace(scene, reference=Reference())
     with pytest.raises(InputError, match="R1"):
         read_marks(tmp_path / "marks.csv", plain, None)
-    with pytest.raises(LineError, match="R2"):
+    with pytest.raises(InputError, match="R2"):
         read_line(json.dumps(sent).encode(), plain)

@@ -13,8 +13,7 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.exchange.marks import ImportSettings, import_table, plane_scale
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import SIZE_PX
-from vision import Lens, Pose, posed_camera
+from tests.experiments.pipeline.exchange.recordings import tilted
 
 TAIL = ["tail=M4"]
 
@@ -55,18 +54,14 @@ def test_marks_set_manually_are_reported(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_a_lens_and_a_tilt_are_undone() -> None:
     """Places and spreads as OpenCV projects them; the sd is the root of the ellipse's semi-axes' product."""
-    a = np.radians(30.0)
-    rotation = np.array([[1, 0, 0], [0, -np.cos(a), np.sin(a)], [0, -np.sin(a), -np.cos(a)]])
-    K, bend = np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]]), np.array([-0.2, 0.05, 0.0, 0.0, 0.0])
-    t = np.array([0.0, 0.0, 1.0])
-    camera = posed_camera("front", SIZE_PX, Lens(K, bend), Pose(rotation, t))
+    (camera, pose), K = tilted(30.0, (-0.2, 0.05)), np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]])
     scene = read_scene(Path("scene.toml"))
     write_scene(replace(scene, cameras=(replace(camera, calibration_sd_px=0.3),)), Path("tilted.toml"))
     places_m = np.array([[-0.2, 0.15, 0.0], [0.25, -0.1, 0.0]])
-    angle = cv2.Rodrigues(rotation)[0]
+    angle, bend = cv2.Rodrigues(pose.rotation)[0], np.array([-0.2, 0.05, 0.0, 0.0, 0.0])
 
     def seen(points: np.ndarray) -> np.ndarray:
-        return cv2.projectPoints(points, angle, t, K, bend)[0].reshape(-1, 2)
+        return cv2.projectPoints(points, angle, pose.translation_m, K, bend)[0].reshape(-1, 2)
 
     (u1, v1), (u4, v4) = seen(places_m)
     assert (seen(places_m) > 0).all()

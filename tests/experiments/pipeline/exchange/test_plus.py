@@ -13,8 +13,7 @@ from experiments.formats.recording import read_recording
 from experiments.pipeline.exchange import plus
 from experiments.pipeline.exchange.plus import export_plus, picture_off_mm, picture_to_plane
 from tests.experiments.commands.good_files import SIZE_PX
-from tests.experiments.pipeline.exchange.recordings import export_of, write_filmed
-from vision import Lens, Pose, posed_camera
+from tests.experiments.pipeline.exchange.recordings import export_of, tilted, write_filmed
 
 MAX_LINE_LENGTH = 1000
 """Of IGSIO's reader; it would take the rest of a longer line for another field."""
@@ -82,20 +81,17 @@ def test_pictures_lie_where_the_camera_sees_the_plane(files: Path) -> None:
 def test_a_tilted_pictures_error_is_reported(files: Path) -> None:
     """A camera 1 m before the plane, turned by 20 degrees about x, by the pinhole model."""
     scene = read_recording(files / "filmed").scene
-    a = np.radians(20.0)
-    # the camera looks down -z of the world: its x is the world's, its y and z point the other way
-    rotation = np.array([[1, 0, 0], [0, -np.cos(a), np.sin(a)], [0, -np.sin(a), -np.cos(a)]])
-    lens = Lens(np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]), np.zeros(5))
-    tilted = replace(scene, cameras=(posed_camera("front", SIZE_PX, lens, Pose(rotation, np.array([0.0, 0.0, 1.0]))),))
-    straight = picture_to_plane(tilted)
+    camera, pose = tilted(20.0)
+    aslant = replace(scene, cameras=(camera,))
+    straight = picture_to_plane(aslant)
     offs = []
-    for mark in tilted.marks:
+    for mark in aslant.marks:
         place = np.array([*scene.network.positions[scene.network.index(mark.node)], 0.0])
-        x, y, z = rotation @ place + [0.0, 0.0, 1.0]
+        x, y, z = pose.rotation @ place + [0.0, 0.0, 1.0]
         shown = straight @ [60.0 * x / z + 31.5, 60.0 * y / z + 23.5, 0.0, 1.0]
         offs.append(np.hypot(*(shown[:2] - 1e3 * place[:2])))
     assert max(offs) > 1.0
-    assert picture_off_mm(tilted) == pytest.approx(max(offs), rel=1e-6)
+    assert picture_off_mm(aslant) == pytest.approx(max(offs), rel=1e-6)
     assert picture_off_mm(scene) < 1e-6
 
 

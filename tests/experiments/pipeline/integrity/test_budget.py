@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import ParameterUncertainty, parameters, rest_shape, scale_parameters
-from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, TissueFilter
+from estimators import StaticBalance, Status, TargetEstimate, TissueFilter
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene, network_digest
@@ -17,6 +17,7 @@ from experiments.pipeline.line import Line
 from experiments.pipeline.sight.space import calibration_shifts
 from experiments.simulation.simulate import scene_of
 from tests.experiments.in_space import breast
+from tests.experiments.pipeline.tables import measured
 from vision import triangulated
 
 SMALL = 1e-3
@@ -36,12 +37,6 @@ def tissue(scene: Scene) -> TissueFilter:
 
 def stiffnesses(scene: Scene) -> list:
     return parameters(scene.network, ("stiffness",))
-
-
-def resting_marks(scene: Scene, positions: np.ndarray, sd_m: float) -> list[MarkMeasurement]:
-    """Marks of the measured nodes at these positions of all nodes [m], (n_nodes, 2)."""
-    cov = sd_m**2 * np.eye(2)
-    return [MarkMeasurement(node, positions[scene.network.index(node)], cov) for node in scene.measured_nodes]
 
 
 def marked(scene: Scene) -> list[int]:
@@ -100,7 +95,7 @@ def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = No
 
 def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> float:
     """Of the force that marks ask for that are seen here for a second."""
-    balance, marks = balance_of(scene, tissue), resting_marks(scene, positions, 10**-4.5)
+    balance, marks = balance_of(scene, tissue), measured(scene, scene.measured_nodes, 10**-4.5, positions)
     *_, found = (balance.update(k / 30.0, marks) for k in range(31))
     return found.probability
 
@@ -130,7 +125,7 @@ def test_a_place_that_is_not_stated_widens_what_is_advised_and_a_stated_one_the_
     for each in (tissue, wider):
         filter_ = TissueFilter(scene.network, each.target.point, scene.measured_nodes, scene.settings)
         filter_.predict(0.0)
-        estimates.append(filter_.update(resting_marks(scene, scene.network.positions, 1e-3)))
+        estimates.append(filter_.update(measured(scene, scene.measured_nodes, 1e-3)))
     added = estimates[1].cov - estimates[0].cov
     np.testing.assert_allclose(added, 16e-6 * np.eye(2), rtol=1e-6, atol=1e-12)
 
@@ -148,9 +143,9 @@ def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that_un
     [source] = [one for one in budget if one.name.startswith("rest")]
     np.testing.assert_allclose(source.cov, sag**2 * np.eye(2), rtol=1e-9)
     step = Step(step="at-rest", program="0.9.0", network_sha256=network_digest(floating), scene_sha256="0" * 64)
-    measured = replace(floating, steps=(step,))
-    assert rest_is_known(measured)
-    budget = error_budget(measured, Line(measured, baseline=False).filter)
+    rested = replace(floating, steps=(step,))
+    assert rest_is_known(rested)
+    budget = error_budget(rested, Line(rested, baseline=False).filter)
     assert not [one for one in budget if one.name.startswith("rest")]
 
 
@@ -187,7 +182,7 @@ def test_constants_that_are_stated_are_those_of_the_balance(scene, tissue):
     """By the covariance of its force, which no stiffness known to 1 % makes as wide as one known to 30 %."""
     balance = balance_of(stated(scene, constants=True, scale_sd=0.0), tissue)
     other = StaticBalance(tissue, stated(scene, constants=True).uncertainty)
-    marks = resting_marks(scene, scene.network.positions, 10**-4.5)
+    marks = measured(scene, scene.measured_nodes, 10**-4.5)
     found = [(balance.update(k / 30.0, marks), other.update(k / 30.0, marks)) for k in range(31)][-1]
     np.testing.assert_allclose(found[0].cov, found[1].cov, rtol=1e-12)
 

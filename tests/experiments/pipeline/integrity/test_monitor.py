@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from dynamics import node_forces, rest_shape
-from estimators import CommonShift, MarkMeasurement, Status, TargetEstimate
+from dynamics import integrate_adaptive, pack, rest_shape, unpack
+from estimators import CommonShift, Status, TargetEstimate
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark
@@ -17,8 +16,10 @@ from experiments.pipeline.line import Line
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
+from tests.experiments.pipeline.tables import measured
 
 FRAME_S = 1.0 / 30.0
+AWAY = np.array([0.6, 0.8])
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +36,7 @@ def faults(
         if frame == restarts_at:
             monitor.restart()
         shown = frame >= seen_from
-        marks = [
-            MarkMeasurement(node, positions[scene.network.index(node)], 1e-6 * np.eye(2))
-            for node in (scene.measured_nodes if shown else ())
-        ]
+        marks = measured(scene, scene.measured_nodes if shown else (), 1e-3, positions)
         estimate = TargetEstimate(frame * FRAME_S, np.zeros(2), 1e-6 * np.eye(2), Status.TRACKING, len(marks))
         found.append(monitor.take(estimate, marks))
     return found
@@ -73,22 +71,17 @@ def test_what_was_tested_is_tested_again_after_a_reset(scene):
 
 
 def pushed(scene: Scene, poke_m_s2: float, frames: int) -> np.ndarray:
-    """Where the nodes are in each frame [m], (frames, n_nodes, dim): M1 is poked after 0.5 s; by SciPy's LSODA."""
-    network, half, m = scene.network, scene.network.n_state // 2, scene.network.index("M1")
-    push = np.zeros_like(network.positions)
-    push[m, 0] = poke_m_s2 * network.masses[m]
+    """Where the nodes are in each frame [m], (frames, n_nodes, dim): M1 is poked after 0.5 s; by SciPy's integrator."""
+    network, rest, m = scene.network, rest_shape(scene.network)[scene.network.free], scene.network.index("M1")
+    push = np.where(np.arange(len(rest)) == np.flatnonzero(network.free == m), poke_m_s2 * network.masses[m], 0.0)
 
-    def rates(t: float, state: np.ndarray) -> np.ndarray:
-        at, speed = network.positions.copy(), np.zeros_like(network.positions)
-        at[network.free], speed[network.free] = state[:half].reshape(-1, 2), state[half:].reshape(-1, 2)
-        force = node_forces(network, at, speed) + push * (0.5 <= t < 0.7)
-        return np.concatenate([state[half:], (force / network.masses[:, None])[network.free].ravel()])
+    def force(t: float) -> np.ndarray:
+        return np.column_stack([push, np.zeros(len(push))]) * (0.5 <= t < 0.7)
 
-    start = np.concatenate([rest_shape(network)[network.free].ravel(), np.zeros(half)])
-    times = FRAME_S * np.arange(frames)
-    solved = solve_ivp(rates, (0.0, times[-1]), start, "LSODA", times, max_step=0.05, rtol=1e-7).y.T
+    start, times_s = pack(rest, np.zeros_like(rest)), FRAME_S * np.arange(frames)
+    states = integrate_adaptive(network, start, times_s, force=force, max_step_s=0.05, rtol=1e-7, atol=1e-9)
     places = np.tile(network.positions, (frames, 1, 1))
-    places[:, network.free] = solved[:, :half].reshape(frames, -1, 2)
+    places[:, network.free] = unpack(states, 2)[0]
     return places
 
 
@@ -116,13 +109,10 @@ def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_pat
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: 0.0, rehearse=False)
     reasons = []
     for k, each in enumerate(places):
-        marks = []
-        for node in nodes:
-            place = each[scene.network.index(node)] + 1e-3 * rng.normal(size=2)
-            if k >= 30 if "all" in of else (k == 30 and node == of):
-                place = place + 1e-3 * moved_mm * np.array([0.6, 0.8])
-            marks.append(MarkMeasurement(node, place, 1e-6 * np.eye(2)))
-        session.take(MarksFrame(k, FRAME_S * k, tuple(marks)))
+        off = each + 1e-3 * rng.normal(size=each.shape)
+        if k == 30 or (k > 30 and "all" in of):
+            off[[scene.network.index(node) for node in nodes if "all" in of or node == of]] += 1e-3 * moved_mm * AWAY
+        session.take(MarksFrame(k, FRAME_S * k, tuple(measured(scene, nodes, 1e-3, off))))
         reasons.append(session.integrity.contradiction.reason)
     assert set(reasons[:30]) == {None}
     if found:

@@ -9,18 +9,19 @@ import pandas as pd
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, TissueFilter, guide
+from estimators import Advice, Guidance, NeedlePush, TissueFilter, guide, path_reach_s
 from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.integrity import UNTESTED
-from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
+from experiments.pipeline.live.advice import LiveAdvice, words
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of, simulate
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live import test_session
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
+from tests.experiments.pipeline.tables import measured
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
@@ -128,18 +129,11 @@ def test_an_impatient_needle_is_reported_sooner(tmp_path, plan, image):
 
 
 def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
-    """Frames go on without marks: after 0.2 s (coasting_s) nothing is said of the needle; each row is there at once."""
+    """Frames go on without marks: after 0.2 s (coasting_s) nothing is said of the needle."""
     times = 100.0 + INTERVAL * np.arange(30)
     blank = np.full_like(image, 128)
     frames = [(t + 0.02, Frame(k, t, image if k < 15 else blank)) for k, t in enumerate(times)]
-    source, reported = Clocked(frames, [], times[-1] + 0.021), []
-    inner = source.next
-    table = tmp_path / "advice.csv"
-    source.next = lambda timeout_s=0.0: (
-        reported.append(len(table.read_text().splitlines()) if table.exists() else 0) or inner(timeout_s)
-    )
-    _, rows, shown = run(source, tmp_path, plan)
-    assert reported == [0, *range(2, 32)]
+    _, rows, shown = run(Clocked(frames, [], times[-1] + 0.021), tmp_path, plan)
     unseen = rows["time_s"] + 0.02 - times[14]
     assert set(rows["advice"][unseen > 0.2]) == {"NO_GUIDANCE"}
     assert "NO_GUIDANCE" not in set(rows["advice"][(unseen <= 0.2) & (unseen > -0.2)])
@@ -149,11 +143,9 @@ def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
 
 def at_rest(tissue):
     """Six estimates of marks that stand still, 30 a second."""
-    network = tissue.network
-    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
     for k in range(6):
         tissue.predict(k / 30.0)
-        yield tissue.update(marks)
+        yield tissue.update(measured(tissue, OUTER, 1e-3))
 
 
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
@@ -191,9 +183,11 @@ def test_tables_reach_as_far_as_the_needle_and_no_further_than_they_must(plan):
     """27 mm and 15 mm of reach and 50 mm at 200 mm/s, 0.3 s of starts, 0.5 and 0.1 s; a crawling needle: 30 s."""
     tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     way_m = 0.215 - four_mass_phantom().positions[four_mass_phantom().index(HIDDEN), 1] + 0.015 + 0.05
-    assert reach_s(plan, tissue) == pytest.approx(0.3 + way_m / 0.2 + 0.1, abs=1e-3)
-    crawling = replace(plan, insertion=replace(plan.insertion, speed_m_s=1e-5))
-    assert reach_s(crawling, tissue) == pytest.approx(30.4)
+    assert path_reach_s(tissue, plan.insertion, plan.needle, plan.settings) == pytest.approx(
+        0.3 + way_m / 0.2 + 0.1, abs=1e-3
+    )
+    crawling = replace(plan.insertion, speed_m_s=1e-5)
+    assert path_reach_s(tissue, crawling, plan.needle, plan.settings) == pytest.approx(30.4)
 
 
 def test_words_say_what_where_and_why():
@@ -254,40 +248,30 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     assert "ABORT" not in set(rows["advice"][rows["time_s"] <= 100.4])
 
 
-def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_does(tmp_path, plan, image):
-    """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside."""
-    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(40), 9), image), [], 101.4)
+def test_of_a_needle_that_its_tracker_does_not_see_or_no_more_reports_there_is_no_advice(tmp_path, plan, image):
+    """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside; then inside, silent from 1.5 s on.
+
+    A pose outside comes at 2.2 s; the rule is 0.4 s (needle_s).
+    """
+    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(75), 9), image), [], 102.6)
 
     def tracked(session: Session) -> None:
         now = source.now - 100.0
+        inside = 0.7 < now < 1.1 or 1.3 < now < 2.2
         if 0.4 < now < 0.6 or 0.8 < now < 1.0:
             session.needle_unseen()
-        else:
-            session.needle_at(np.array([0.0, 0.21 if 0.7 < now < 1.1 else 0.22]), np.array([0.0, -1.0]))
+        elif now < 1.5 or now > 2.2:
+            session.needle_at(np.array([0.0, 0.21 if inside else 0.22]), np.array([0.0, -1.0]))
 
+    plan = replace(plan, settings=replace(plan.settings, needle_s=0.4))
     rows = run(source, tmp_path, plan, attend=tracked)[1]
     times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
     unseen = reasons.str.endswith("the needle's tracker does not see it")
     assert set(rows["advice"][unseen & (times < 0.7)]) == {"NO_GUIDANCE"}
     assert set(rows["advice"][unseen & (times > 0.7)]) == {"ABORT"}
-    within = ((times > 0.44) & (times < 0.56)) | ((times > 0.84) & (times < 0.96))
-    assert unseen[within].all()
-    assert not unseen[(times < 0.36) | ((times > 0.62) & (times < 0.76)) | (times > 1.02)].any()
-
-
-def test_a_tracker_that_sends_no_more_poses_does_not_see_the_needle(tmp_path, plan, image):
-    """Poses until 0.5 s, inside from 0.3 s on; a pose outside at 1.2 s; the rule is 0.4 s (needle_s)."""
-    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(45), 9), image), [], 101.6)
-
-    def tracked(session: Session) -> None:
-        now = source.now - 100.0
-        if now < 0.5 or now > 1.2:
-            session.needle_at(np.array([0.0, 0.21 if 0.3 < now < 1.2 else 0.22]), np.array([0.0, -1.0]))
-
-    plan = replace(plan, settings=replace(plan.settings, needle_s=0.4))
-    rows = run(source, tmp_path, plan, attend=tracked)[1]
-    times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
+    assert unseen[times.between(0.44, 0.56) | times.between(0.84, 0.96)].all()
+    assert not unseen[(times < 0.36) | times.between(0.62, 0.76) | (times > 1.02)].any()
     silent = reasons.str.contains(r"the needle's tracker has sent no pose for 0\.\d s, more than 0\.4 s$")
-    assert silent[(times > 0.92) & (times < 1.18)].all()
+    assert silent[times.between(1.92, 2.18)].all()
     assert set(rows["advice"][silent]) == {"ABORT"}
-    assert not silent[(times < 0.86) | (times > 1.24)].any()
+    assert not silent[(times < 1.86) | (times > 2.24)].any()

@@ -18,6 +18,7 @@ from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import case_of
 from experiments.simulation.world import World, world_of
 
+SEED = 5203
 ASKED_S, LEAVES_S, END_S = 7.5, 10.0, 14.5
 """When advice is first asked for, when the target leaves its breath, and when the run ends [s]."""
 
@@ -68,12 +69,12 @@ class Advised:
     hit: bool
 
 
-def world_under(pushes: Pushes, seed: int) -> World:
+def world_under(pushes: Pushes) -> World:
     """The study's phantom under these pushes and tremor, marks of 4.14 mm."""
     case = case_of(read_scenario("breathing"))
     quiet = case.scenario.model_copy(update={"breathing": None})
-    world = world_of(replace(case, seed=seed, scenario=quiet, warm_s=END_S - 0.5, patience_s=0.5))
-    rng, network = np.random.default_rng([seed, 21]), world.network
+    world = world_of(replace(case, seed=SEED, scenario=quiet, warm_s=END_S - 0.5, patience_s=0.5))
+    rng, network = np.random.default_rng([SEED, 21]), world.network
     forces, step_s = np.array(world.knots.forces), world.knots.interval_s
     accelerations = pushes(step_s * np.arange(len(forces)), rng.uniform(3.2, 4.5), rng)
     for node in OUTER:
@@ -85,8 +86,8 @@ def world_under(pushes: Pushes, seed: int) -> World:
 class Run:
     """A phantom, its filter and the advice. State: these, the next frame, where all is, what was said."""
 
-    def __init__(self, pushes: Pushes, seed: int, folder: Path) -> None:
-        self.world, self.k = world_under(pushes, seed), 0
+    def __init__(self) -> None:
+        self.world, self.k = world_under(breath), 0
         given, plan = self.world.case.given, self.world.case.plan
         self.tissue = TissueFilter(given.network, HIDDEN, OUTER, given.settings)
         self.plan = replace(
@@ -95,8 +96,7 @@ class Run:
             settings=replace(plan.settings, horizon_s=0.0),
             forces=NeedleForces(cutting_N=0.0, friction_N_m=0.0),  # no needle is in the truth
         )
-        self.advice = LiveAdvice(self.plan, self.tissue, folder / f"{seed}.csv")
-        self.advice.table.close()
+        self.advice = LiveAdvice(self.plan, self.tissue, Path("advice.csv"))
         self.advice.table = SimpleNamespace(write=lambda _row: None)
         self.state, self.said, self.truth = self.world.start, [], []
 
@@ -124,27 +124,27 @@ class Run:
 
 
 @cache
-def begun(seed: int, folder: Path) -> Run:
+def begun() -> Run:
     """As long as nobody asks."""
-    run = Run(breath, seed, folder)
+    run = Run()
     run.until(ASKED_S)
     return run
 
 
 @cache
-def breathing(seed: int, radius_mm: float, folder: Path) -> Run:
+def breathing(radius_mm: float) -> Run:
     """As long as all breathe alike."""
-    run = deepcopy(begun(seed, folder))
+    run = deepcopy(begun())
     run.aim_at(radius_mm)
     run.until(LEAVES_S)
     return run
 
 
 @cache
-def advised(pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> tuple[Advised, ...]:
+def advised(pushes: Pushes, radius_mm: float = 5.0) -> tuple[Advised, ...]:
     """Advice from 8 s on: a needle that is turned as it was advised two frames ago, at 100 mm/s."""
-    run, rng = deepcopy(breathing(seed, radius_mm, folder)), np.random.default_rng(seed)
-    run.world = world_under(pushes, seed)
+    run, rng = deepcopy(breathing(radius_mm)), np.random.default_rng(SEED)
+    run.world = world_under(pushes)
     run.until(END_S)
     truth, said, plan = run.truth, run.said, run.plan
     times, found = np.arange(len(truth)) / 30.0, []
@@ -160,49 +160,40 @@ def advised(pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> tuple[
     return tuple(found)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("advice")
+def advice_of(pushes: Pushes, from_s: float, until_s: float) -> list[Advised]:
+    """On a lesion of 5 mm radius, in a time."""
+    return [one for one in advised(pushes) if from_s <= one.time_s < until_s]
 
 
-SEEDS = (5203,)
-
-
-def advice_of(pushes: Pushes, folder: Path, from_s: float, until_s: float) -> list[Advised]:
-    """On a lesion of 5 mm radius, in a time, of all seeds."""
-    runs = [advised(pushes, seed, 5.0, folder) for seed in SEEDS]
-    return [one for run in runs for one in run if from_s <= one.time_s < until_s]
-
-
-def test_go_hits_before_a_shift_and_misses_nothing_after_it(folder):
+def test_go_hits_before_a_shift_and_misses_nothing_after_it():
     """The target shifts by 10 to 15 mm, half of it within 0.25 s: from 0.6 s on no GO misses; before, nearly always GO.
 
     After 2 s its place is known well enough again for a GO now and then.
     """
-    before = advice_of(shifted, folder, 8.0, LEAVES_S - 0.5)
+    before = advice_of(shifted, 8.0, LEAVES_S - 0.5)
     assert np.mean([one.go for one in before]) > 0.9
     assert np.mean([one.hit for one in before]) > 0.95
-    assert not any(one.go for one in advice_of(shifted, folder, LEAVES_S + 0.6, LEAVES_S + 2.0))
-    assert not any(one.go and not one.hit for one in advice_of(shifted, folder, LEAVES_S + 2.0, LEAVES_S + 3.0))
+    assert not any(one.go for one in advice_of(shifted, LEAVES_S + 0.6, LEAVES_S + 2.0))
+    assert not any(one.go and not one.hit for one in advice_of(shifted, LEAVES_S + 2.0, LEAVES_S + 3.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("pushes", "most"), [(held, 0.03), (irregular, 0.25)])
-def test_few_go_miss_a_target_that_left_its_breath(folder, pushes, most):
+def test_few_go_miss_a_target_that_left_its_breath(pushes, most):
     """Of all frames from 0.6 s after that on; of irregular breaths 22 % when written."""
-    after = advice_of(pushes, folder, LEAVES_S + 0.6, END_S)
+    after = advice_of(pushes, LEAVES_S + 0.6, END_S)
     assert len(after) > 50
     assert np.mean([one.go and not one.hit for one in after]) <= most
 
 
 @pytest.mark.slow
-def test_errors_and_hits_on_a_breathing_target_are_as_probable_as_stated(folder):
+def test_errors_and_hits_on_a_breathing_target_are_as_probable_as_stated():
     """A lesion of 1.5 mm radius: mean probability and share of hits within 0.15; mean NEES of the aim 0.2 to 1.2 of 2.
 
     The covariance is of two hypotheses, the breath or not, and of the tissue's equations in the second: too wide for
     nearly all frames. Frames are not independent: the bounds are wide.
     """
-    said = [one for seed in SEEDS for one in advised(breath, seed, 1.5, folder)]
+    said = advised(breath, 1.5)
     assert len(said) > 75
     assert np.mean([one.probability for one in said]) == pytest.approx(np.mean([one.hit for one in said]), abs=0.15)
     errors, covs = np.array([one.error for one in said]), np.array([one.cov for one in said])

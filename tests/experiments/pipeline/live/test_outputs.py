@@ -8,14 +8,11 @@ import pytest
 
 from estimators import CovarianceError
 from experiments.formats.outputs import growing_folder
-from experiments.pipeline.live.following import follow
+from experiments.pipeline.line import Line
 from experiments.pipeline.live.outputs import FINEST_MS, Latencies, LiveTable, StatusLine
-from experiments.pipeline.live.session import Session
-from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.live.test_recording import rows
-from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
+from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image, run
 from tests.experiments.test_log import Unread
-from tests.experiments.webcam import coarse_webcam
 
 __all__ = ["image"]
 
@@ -101,22 +98,17 @@ def test_latencies_are_counted_to_their_share():
 
 def test_marks_under_which_there_is_no_covariance_are_left_out_and_said(tmp_path, image, monkeypatch, caplog):
     """Of 20 frames, three in a row: they are not used, the target is predicted meanwhile, and tracking goes on."""
-    scene = scene_of(coarse_webcam())
-    source = Clocked(frames_at(100.0 + INTERVAL * np.arange(20), image), [], 100.7)
-    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
-    see = session.line.see
-    failing = {round(100.0 + INTERVAL * k, 6) for k in (8, 9, 10)}
+    failing, see = {round(100.0 + INTERVAL * k, 6) for k in (8, 9, 10)}, Line.see
 
-    def seen(time_s, picture):
+    def seen(line, time_s, picture):
         if round(time_s, 6) in failing:
             raise CovarianceError("no likelihood that is finite")
-        return see(time_s, picture)
+        return see(line, time_s, picture)
 
-    monkeypatch.setattr(session.line, "see", seen)
-    follow(session, source, np.inf, clock=lambda: source.now)
-    session.close()
+    monkeypatch.setattr(Line, "see", seen)
+    session, found, _ = run(Clocked(frames_at(100.0 + INTERVAL * np.arange(20), image), [], 100.7), tmp_path)
     assert session.counters.frames == 17
     assert session.counters.not_used == 3
     (said,) = [record.message for record in caplog.records if "not used" in record.message]
     assert said == "100.27 s: marks not used: no likelihood that is finite"
-    assert rows(tmp_path / "estimates.csv")[-1]["status"] == "TRACKING"
+    assert found[-1]["status"] == "TRACKING"

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
-from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -30,6 +30,7 @@ from vision import Frame
 KERNELS = """
 import os
 from pathlib import Path
+from unittest.mock import Mock
 from numba import njit
 
 @njit(cache=True)
@@ -166,37 +167,15 @@ def test_others_may_compile_while_a_run_is_prepared(kernels):
     assert set(doubled) == {2.0}
 
 
-class Times:
-    """Who watches a run. State: the times that were shown while it was prepared, and then [s]."""
-
-    def __init__(self) -> None:
-        self.before: list[float] = []
-        self.then: list[float] = []
-
-    def prepare(self, _frame: Frame | None, _n_shown: int, time_s: float) -> None:
-        self.before.append(time_s)
-
-    def publish(self, shown, _line) -> None:
-        self.then.append(shown.estimate.time_s)
-
-    def attend(self, _control) -> None:
-        return
-
-
-def times_of(source: Path, out: Path) -> Times:
-    """The times that a live run of a source shows."""
-    times = Times()
-    out.mkdir()
-    live([str(source)], None, lambda _scene: nullcontext(out), attendant=lambda _scene, _plan: times)
-    return times
-
-
 def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path):
     """Nought, from which its states go on: a client that ties times to its own clock by the first keeps that tie."""
     simulate(coarse_webcam().model_copy(update={"duration_s": 0.2}), tmp_path / "rec")
-    times = times_of(tmp_path / "rec", tmp_path / "out")
-    assert set(times.before) == {0.0}
-    assert 0.0 <= min(times.then) <= max(times.then) < 2.0
+    viewer = Mock()
+    live([str(tmp_path / "rec")], None, lambda _scene: nullcontext(tmp_path), attendant=lambda _scene, _plan: viewer)
+    before = {time_s for _frame, _n_shown, time_s in (call.args for call in viewer.prepare.call_args_list)}
+    then = [shown.estimate.time_s for shown, _line in (call.args for call in viewer.publish.call_args_list)]
+    assert before == {0.0}
+    assert 0.0 <= min(then) <= max(then) < 2.0
 
 
 def test_viewers_see_the_picture_why_there_is_nothing_else_and_no_guidance():

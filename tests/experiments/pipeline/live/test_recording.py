@@ -2,13 +2,13 @@
 
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vision
-from estimators import MarkMeasurement
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
@@ -24,6 +24,7 @@ from experiments.pipeline.live.session import Session
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked
+from tests.experiments.pipeline.tables import measured
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
@@ -148,10 +149,8 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
     rng, cov = np.random.default_rng(3), 1e-6 * np.array([[1.0, 0.4], [0.4, 2.0]])
     for k in range(15):  # and none in the seventh frame
         now[0] = 100.0 + k / 30.0 + 0.01
-        marks = tuple(
-            MarkMeasurement(node, scene.network.positions[scene.network.index(node)] + rng.normal(0, 1e-3, 2), cov)
-            for node in scene.measured_nodes
-        )
+        places = scene.network.positions + rng.normal(0.0, 1e-3, scene.network.positions.shape)
+        marks = tuple(replace(one, cov=cov) for one in measured(scene, scene.measured_nodes, 1e-3, places))
         session.take(MarksFrame(k, 100.0 + k / 30.0, marks if k != 7 else ()))
     (folder,) = control.finish()
     session.close()

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import count, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -165,13 +166,9 @@ def test_a_film_is_reported_in_its_own_times(tmp_path, image, capfd):
 
 def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody_looked(tmp_path, image):
     shown: list[str] = []
-
-    class Seen:
-        def publish(self, moment, _line) -> None:
-            shown.append(moment.fault or "")
-
+    seen = SimpleNamespace(publish=lambda moment, _line: shown.append(moment.fault or ""))
     clock, scene = iter(np.arange(1.0, 9.0, 0.001)), scene_of(coarse_webcam())
-    session = Session(scene, tmp_path / "e.csv", lambda _: None, publisher=Seen(), clock=lambda: next(clock))
+    session = Session(scene, tmp_path / "e.csv", lambda _: None, publisher=seen, clock=lambda: next(clock))
     for k, known in enumerate([(0.0, True), (1.0, False), None, (1.5, False)]):
         session.reset() if known is None else session.dated(known[0], uneven=known[1])
         session.take(Frame(k, 1.0 + 0.033 * k, image))

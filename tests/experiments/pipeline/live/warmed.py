@@ -18,13 +18,15 @@ import numpy as np
 from numba.core.registry import CPUDispatcher
 
 import vision
-from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import CovarianceError, MarkMeasurement
 from experiments.formats.needle_file import read_needle
-from experiments.formats.scene.scene import Mark, Scene, Target, read_scene
+from experiments.formats.scene.scene import Mark, Scene, read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.live.warm_up import warm_up
+from experiments.simulation.plane_film import draw
+from experiments.simulation.simulate import scene_of
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 INTERVAL = 1 / 30
@@ -43,16 +45,10 @@ def called() -> set[str]:
 
 def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
     """The phantom at rest, pushed about, half hidden, behind a red cloth, gone, elsewhere, dark, bright, grainy."""
-    rng, network = np.random.default_rng(0), scene.network
-    camera = scene.cameras[0]
+    rng, network, camera = np.random.default_rng(0), scene.network, scene.cameras[0]
 
-    def picture(places_m: np.ndarray, shift_px: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-        centers = camera.project(places_m) + shift_px
-        discs = [
-            vision.Disc(centers[network.index(mark.node)], (5.0, 5.0), mark.hue_deg + rng.normal(0.0, 2.0))
-            for mark in scene.marks
-        ]
-        return vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng)
+    def picture(places_m: np.ndarray) -> np.ndarray:
+        return draw(scene, places_m, vision.Lighting(), rng, strays=[])
 
     rest = picture(network.positions)
     for k in range(12):
@@ -68,8 +64,8 @@ def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
     yield from [np.full_like(rest, 128)] * 6
     yield from [None] * 40
     yield from [rest] * 8
-    for shift_px in ((30.0, 0.0), (-20.0, 25.0)):
-        yield from [picture(network.positions, shift_px)] * 10
+    for shift_px in ((0, 30), (25, -20)):
+        yield from [np.roll(rest, shift_px, axis=(0, 1))] * 10
     yield from [(0.35 * rest).astype(np.uint8)] * 4
     yield from [np.clip(2.5 * rest.astype(float), 0, 255).astype(np.uint8)] * 4
     yield from [np.clip(rest + rng.normal(0.0, 25.0, rest.shape), 0, 255).astype(np.uint8)] * 4
@@ -77,13 +73,7 @@ def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
 
 def run_phantom() -> set[str]:
     """What pictures of the phantom call beyond what the session had called when it was made."""
-    network = four_mass_phantom()
-    marks = tuple(Mark(node, hue, 0.03) for node, hue in zip(OUTER, (0.0, 120.0, 240.0), strict=True))
-    low, high = network.positions.min(axis=0), network.positions.max(axis=0)
-    mm_per_px = 1.6e3 * float(((high - low) / (320, 240)).max())
-    camera = vision.fronto_parallel_camera("front", (320, 240), (mm_per_px, mm_per_px), tuple(0.5 * (low + high)))
-    scene = Scene(network, marks, Target(HIDDEN, 5e-3), (camera,))
-    now = [100.0]
+    scene, now = scene_of(coarse_webcam()), [100.0]
     with tempfile.TemporaryDirectory() as folder:
         needle = Path(folder) / "needle.toml"
         needle.write_text(NEEDLE)

@@ -11,7 +11,7 @@ from estimators import CameraMove, MarkMeasurement, RigidMotion, Status, coverag
 from experiments.formats.scenario import SeenMarks, read_scenario
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark, reference_places
-from experiments.pipeline.events import move_line
+from experiments.pipeline.events import report_move
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.plane_film import draw
 from experiments.simulation.seen_marks import Truth, seen_marks
@@ -141,6 +141,6 @@ def test_simulated_marks_and_films_have_the_reference_marks():
     assert set(step.reference.seen) == set(places)
 
 
-def test_a_move_is_reported_in_mm_and_degrees():
-    found = move_line(CameraMove(0.0, 0.0104, np.radians(2.0)))
-    assert found == "moved by 10.4 mm, 2.0 deg: corrected by reference marks"
+def test_a_move_is_reported_in_mm_and_degrees(caplog):
+    report_move(CameraMove(0.0, 0.0104, np.radians(2.0)))
+    assert caplog.messages == ["0.00 s: camera: moved by 10.4 mm, 2.0 deg: corrected by reference marks"]

@@ -35,11 +35,6 @@ NEEDLE += "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n"
 
 
 @cache
-def tracked_of(folder: Path) -> Track:
-    return track(read_recording(folder))
-
-
-@cache
 def compared_of(folder: Path) -> Track:
     return compare(read_recording(folder), (OPEN_LOOP, FILTER, *METHODS))
 
@@ -52,10 +47,6 @@ def recording(folder: Path, offset_m: tuple[float, ...], n: int = 6) -> Path:
     (folder / "plan.toml").write_text(PLAN)
     (folder / "needle.toml").write_text(NEEDLE)
     return folder
-
-
-def tracked(folder: Path, method: str) -> np.ndarray:
-    return np.array([e.mean for e in tracked_of(folder).estimates(method)])
 
 
 def checked(folder: Path) -> np.ndarray:
@@ -89,10 +80,8 @@ def lived(folder: Path) -> np.ndarray:
 
 
 DOORS: dict[str, tuple[Callable[[Path], np.ndarray], float]] = {
-    "track": (lambda folder: tracked(folder, FILTER), 1e-12),
-    "track, open loop": (lambda folder: tracked(folder, OPEN_LOOP), 1e-12),
     "track --check": (checked, 1e-12),
-    **{f"compare, {name}": (lambda folder, name=name: compared(folder, name), 1e-12) for name in METHODS},
+    **{name: (lambda folder, name=name: compared(folder, name), 1e-12) for name in (OPEN_LOOP, FILTER, *METHODS)},
     "plan of a recording": (lambda folder: planned_from(folder, folder), 1e-12),
     "plan of a scene": (lambda folder: planned_from(folder / "scene.toml", folder), 1e-12),
     "live": (lived, 1e-7),

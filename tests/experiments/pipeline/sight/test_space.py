@@ -6,12 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from scipy.stats import chi2
 
 import vision
 from experiments.arrays import Floats
-from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
@@ -168,12 +166,6 @@ def test_a_stated_error_of_the_calibration_is_shared_and_explains_it() -> None:
         away = mark.position - place(scene, mark.node)
         # seen by cameras that are turned back by one standard deviation
         assert away @ np.linalg.solve(mark.total_cov, away) < 9.0
-
-
-def test_a_picture_of_another_size_is_refused() -> None:
-    scene = breast()
-    with pytest.raises(InputError, match=r"picture of camera left: expected \[640, 480\], found \[320, 240\]"):
-        SpaceSight(scene).find(Exposure(0.0, {"left": np.zeros((240, 320, 3), np.uint8)}), *expected_in(scene))
 
 
 def test_sixty_marks_of_three_hues_keep_their_names() -> None:

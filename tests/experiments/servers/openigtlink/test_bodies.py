@@ -1,10 +1,12 @@
 """Contents of messages, against published ones and against pyigtl."""
 
 import struct
+from dataclasses import astuple
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from pyigtl.messages import PointMessage, PolyDataMessage, StringMessage
 
 from experiments.servers.openigtlink.bodies import (
     PointBody,
@@ -29,13 +31,6 @@ PUBLISHED_MATRIX = np.array(
     ]
 )
 """What the protocol's own test puts into the TRANSFORM."""
-PUBLISHED_POINTS = [
-    PointBody("POINT_DESCRIPTION_0", (10.0, 15.0, 20.0), "Landmark", (255, 0, 0, 255), 5.0, "IMAGE_0"),
-    PointBody("POINT_DESCRIPTION_1", (25.0, 30.0, 35.0), "Landmark", (0, 255, 0, 255), 3.0, "IMAGE_0"),
-    PointBody("POINT_DESCRIPTION_2", (40.0, 45.0, 50.0), "Landmark", (0, 0, 255, 255), 1.0, "IMAGE_0"),
-]
-CUBE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
-FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
 
 
 def test_the_published_transform():
@@ -49,21 +44,25 @@ def test_a_transform_of_signalling_nan_is_read_without_a_warning():
     assert np.isnan(read_transform(bytes.fromhex("7fa00000") * 12)[:3]).all()
 
 
-def test_the_published_status_string_and_points():
-    """All but the sub-code of the status, bytes 2 to 10: ours is nought."""
+def test_the_published_status():
+    """All but its sub-code, bytes 2 to 10: ours is nought."""
     status, body = pack_status(StatusBody(15, "ACTUATOR_DISABLED", "Actuator A is disabled.")), published.STATUS[58:]
     assert (status[:2], status[2:10], status[10:]) == (body[:2], bytes(8), body[10:])
-    assert pack_string("Welcome to OpenIGTLink") == published.STRING[58:]
-    assert read_points(published.POINT[58:]) == PUBLISHED_POINTS
+
+
+def test_strings_surfaces_and_points_are_those_of_pyigtl():
+    assert pack_string("Welcome") == StringMessage("Welcome").pack()[58:]
+    corners, faces = np.random.default_rng(0).normal(size=(5, 3)), [[0, 1, 2], [1, 2, 3, 4]]
+    theirs = PolyDataMessage(points=corners, polygons=[3, 0, 1, 2, 4, 1, 2, 3, 4])
+    assert pack_surface(corners, faces) == theirs.pack()[58:]
+    points = [
+        PointBody("one", (10.0, 15.0, 20.0), "Landmark", (255, 0, 0, 255), 5.0, "IMAGE_0"),
+        PointBody("two", (25.0, 30.0, 35.0), "Landmark", (0, 255, 0, 128), 3.0, "IMAGE_0"),
+    ]
+    names, places, _, colours, diameters, _ = zip(*map(astuple, points), strict=True)
+    theirs = PointMessage(list(places), list(names), list(colours), list(diameters), "Landmark", "IMAGE_0")
+    assert read_points(theirs.pack()[58:]) == points
     assert read_points(b"") == []
-
-
-def test_the_published_cube():
-    """All but its attribute, which is counted in the bytes 36 to 40: ours have none."""
-    body, ours = published.POLYDATA[58:], pack_surface(CUBE, FACES)
-    assert ours[:36] == body[:36]
-    assert ours[36:40] == bytes(4)
-    assert ours[40:] == body[40 : 40 + 8 * 12 + 6 * 20]
 
 
 def test_the_unit_sphere_is_one():

@@ -5,11 +5,11 @@ import struct
 from collections import Counter
 
 import numpy as np
+from pyigtl.messages import PointMessage, PolyDataMessage
 
 from experiments.servers.commands import read_command
 from experiments.servers.openigtlink.bodies import pack_transform
-from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, decode, decode_header, encode
-from experiments.servers.openigtlink.crc import crc64
+from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, crc64, decode, decode_header, encode
 from experiments.servers.openigtlink.incoming import Incoming, RefusedError
 from tests.experiments.servers.openigtlink import published
 
@@ -17,9 +17,9 @@ OK = {"TransformStatus": "OK"}
 WHOLE = [
     published.TRANSFORM_WITH_METADATA,
     published.STATUS,
-    published.POLYDATA,
+    PolyDataMessage(points=np.eye(3), polygons=[3, 0, 1, 2]).pack(),
     encode(Message("TRANSFORM", "NeedleTipToReference", pack_transform(np.eye(4)), 1.8e9, OK)),
-    encode(Message("POINT", "F", published.POINT[58:])),
+    encode(Message("POINT", "F", PointMessage([[1.0, 2.0, 3.0]]).pack()[58:])),
 ]
 
 

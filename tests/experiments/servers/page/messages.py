@@ -15,8 +15,9 @@ from estimators import Advice, AdviceSettings, Guidance, Insertion, Lesion, Need
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import read_scene
-from experiments.pipeline.live.shown import Counters
-from experiments.servers.message import counters_message, scene_message, state_message
+from experiments.pipeline.line import Step
+from experiments.pipeline.live.shown import Counters, Shown
+from experiments.servers.message import scene_message, state_message
 from tests.experiments.in_space import breast
 
 GIVEN = Path(__file__).parents[2]
@@ -38,20 +39,24 @@ def state(
     time_s, place = frames / 30, np.array([0.0, 0.2])
     estimate = TargetEstimate(time_s, place, np.diag([1e-6, 4e-6]), status, marks_used=1, nis=2.0, poked=0.1)
     guidance = Guidance(advice, "a hit is 92 % probable", arrival_s=time_s + 0.5, probability=0.925, aim=place)
-    counters = counters_message(Counters(frames=frames, latency_ms=5.0), 1.0 / 30.0, 300.0)
+    insertion = Insertion(np.array([0.0, 0.3]), np.array([0.0, -1.0]), 0.1, 0.05)
     made = state_message(
-        estimate,
+        shown(estimate, guidance, insertion, frames),
         utc_s=time(),
-        from_frame=True,
-        counters=counters,
+        memory_mb=300.0,
         overlay=overlay(),
         nodes_m=np.array([[-0.2, 0.2], [0.0, 0.2], [0.0, 0.0]]),
-        nis_band=(0.05, 7.4),
-        guidance=guidance,
-        needle=Insertion(np.array([0.0, 0.3]), np.array([0.0, -1.0]), 0.1, 0.05),
         events=[{"utc_s": 1.8e9, "text": "0.50 s: DROPPED: 2 frames"}],
     )
     return {**made, **changed}
+
+
+def shown(estimate: TargetEstimate, guidance: Guidance | None, insertion: Insertion | None, frames: int = 1) -> Shown:
+    """An estimate from a frame, with the advice on a needle here."""
+    lesion = Lesion.ball(0.005, len(estimate.mean))
+    plan = None if insertion is None else NeedlePlan(Needle(), insertion, lesion, AdviceSettings())
+    counters, step = Counters(frames=frames, latency_ms=5.0), Step({}, (), 0.0, {})
+    return Shown(estimate, estimate.time_s, None, step, guidance, plan, None, 1.0 / 30.0, counters, "")
 
 
 @cache
@@ -68,20 +73,16 @@ def breast_state(frames: int = 1, *, moved_mm: float = 0.0, **changed: Any) -> d
     network = breast(20).network
     nodes_m = network.positions + np.where(network.fixed[:, None], 0.0, [1e-3 * moved_mm, 0.0, 0.0])
     target = nodes_m[network.index(breast(20).target.node)]
-    flat = state(frames)
     estimate = TargetEstimate(frames / 30, target, np.diag([1e-6, 4e-6, 9e-6]), Status.TRACKING, 12, nis=30.0)
     guidance = Guidance(
         Advice.GO, "a hit is 92 % probable", frames / 30 + 0.5, 0.925, aim=target, lateral_m=0.001, depth_m=0.02
     )
+    insertion = Insertion(target + np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.0, -1.0]), 0.1, 0.03)
     made = state_message(
-        estimate,
+        shown(estimate, guidance, insertion, frames),
         utc_s=time(),
-        from_frame=True,
-        counters=flat["counters"],
+        memory_mb=300.0,
         nodes_m=nodes_m,
-        nis_band=(20.0, 55.0),
-        guidance=guidance,
-        needle=Insertion(target + np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.0, -1.0]), 0.1, 0.03),
     )
     return {**made, **changed}
 

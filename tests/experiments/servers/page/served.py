@@ -1,4 +1,4 @@
-"""A page that is served from this process, on a port of its own, and what is fed to it."""
+"""A page, or another server, in this process, on a port of its own, and what is fed to it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import asyncio
 import json
 import socket
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from experiments.servers.faces import names_of
@@ -26,7 +26,8 @@ class Served:
         self.refusal: str | None = None
         self.sock = socket.create_server(("127.0.0.1", 0))
         self.port: int = self.sock.getsockname()[1]
-        self.loop = asyncio.new_event_loop()
+        self.runner = asyncio.Runner()
+        self.loop = self.runner.get_loop()
         self.feed = Feed(scene, self._take)
 
     def _take(self, command: Message) -> None:
@@ -47,17 +48,21 @@ class Served:
 
 
 @contextmanager
-def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
-    """Serve a scene; afterwards the server has ended, by being cancelled."""
+def served(
+    scene: Message, *, read_open: bool = True, by: Callable[[Served], Coroutine[Any, Any, None]] | None = None
+) -> Iterator[Served]:
+    """Serve a scene by the page, or by another server; afterwards the server has ended, by being cancelled."""
     one = Served(scene)
-    hosts = names_of(one.sock)
-    task = one.loop.create_task(serve(one.sock, one.feed, hosts=hosts, token=TOKEN, read_open=read_open))
+    page = {"hosts": names_of(one.sock), "token": TOKEN, "read_open": read_open}
+    task = one.loop.create_task(serve(one.sock, one.feed, **page) if by is None else by(one))
+
+    async def ended() -> None:
+        with suppress(asyncio.CancelledError):
+            await task
 
     def run() -> None:
-        try:
-            one.loop.run_until_complete(task)
-        except asyncio.CancelledError:
-            one.loop.run_until_complete(one.loop.shutdown_asyncgens())
+        with one.runner:
+            one.runner.run(ended())
 
     thread = threading.Thread(target=run, name="served")
     thread.start()
@@ -67,4 +72,3 @@ def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
         one.loop.call_soon_threadsafe(task.cancel)
         thread.join(timeout=SOON_S)
         assert not thread.is_alive(), "the server did not end"
-        one.loop.close()

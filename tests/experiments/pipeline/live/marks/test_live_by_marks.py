@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.formats.needle_file import NeedlePlan, read_needle
+from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import Recording, read_recording
-from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.marks.opening import is_mark_source
@@ -54,21 +53,16 @@ def line(time_s: float, recording: Recording, k: int) -> bytes:
     return json.dumps({"time_s": time_s, "marks": marks}).encode() + b"\n"
 
 
-def replayed(scene: Scene, out: Path, times_s, marks, plan: NeedlePlan | None = None) -> tuple[Session, pd.DataFrame]:
-    """The session of a replay by a clock of the test's own, its forces tested, and its rows."""
-    hand = Hand()
-    source = MarksReplay(times_s, marks, clock=lambda: hand.now, sleep=hand.sleep)
-    session = Session(scene, out / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: hand.now)
-    session.integrity.tested_s = -np.inf
-    follow(session, source, np.inf, clock=lambda: hand.now)
-    session.close()
-    return session, pd.read_csv(out / "estimates.csv")
-
-
 def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> None:
     """Frame by frame, to the rounding of times; the first frame is at its own time zero."""
     plan = read_needle(folder / "needle.toml", 0.004, 3)
-    session, rows = replayed(recording.scene, tmp_path, recording.exposures_s, recording.marks, plan)
+    hand, out = Hand(), tmp_path / "estimates.csv"
+    source = MarksReplay(recording.exposures_s, recording.marks, clock=lambda: hand.now, sleep=hand.sleep)
+    session = Session(recording.scene, out, lambda _text: None, needle=plan, clock=lambda: hand.now)
+    session.integrity.tested_s = -np.inf
+    follow(session, source, np.inf, clock=lambda: hand.now)
+    session.close()
+    rows = pd.read_csv(out)
     expected = track(recording).estimates(FILTER)
     assert session.counters.frames == len(rows) == len(expected) == len(recording.exposures_s)
     assert list(rows["status"]) == [str(one.status) for one in expected]
