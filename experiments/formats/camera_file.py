@@ -24,7 +24,6 @@ from experiments.formats.toml_file import (
     key_lines,
     long_list,
     read_toml,
-    toml_text,
 )
 from vision import Calibration, Lens, Pose, SpaceCamera
 
@@ -81,8 +80,7 @@ def camera_text(calibration: Calibration) -> str:
     fit = {"reprojection_rms_px": float(c.reprojection_rms_px), "reprojection_rms_px_each": c.rms_px_each}
     pose = {"rotation": c.pose.rotation, "translation_mm": 1e3 * c.pose.translation_m}
     lines = [
-        f"version = {VERSION}",
-        *head_lines(c.name, c.size_px),
+        *key_lines({"version": VERSION, "name": c.name, "size_px": c.size_px}),
         "",
         "# px; distortion k1 k2 p1 p2 k3; standard errors of fx fy cx cy and of the distortion",
         *key_lines({**lens, **fit}, exactly),
@@ -96,11 +94,6 @@ def camera_text(calibration: Calibration) -> str:
         *long_list("uncertainty", c.uncertainty * TO_MM, exactly),
     ]
     return "\n".join(lines) + "\n"
-
-
-def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
-    """The lines with which the table of any camera begins."""
-    return [f"name = {toml_text(name)}", f"size_px = [{size_px[0]}, {size_px[1]}]"]
 
 
 def read_camera_toml(path: Path) -> SpaceCamera:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,8 @@ from experiments.errors import InputError, read_text, shown
 from vision import Lens, quiet_opencv
 
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
+
+DISTORTION = "distortion_coefficients"
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
 """Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, two tilts."""
@@ -39,13 +42,13 @@ class LensFile:
 def read_lens_file(path: Path) -> LensFile | None:
     """The lens in a file of OpenCV or ROS, recognised by its content; None for other formats.
 
-    Raises InputError. For some camera files of other programs the message says what to do.
+    Raises InputError with file and key. For some camera files of other programs the message says what to do.
     """
     text = read_text(path)
     if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
-        return read_opencv_yaml(path)
+        return _read(path, text, path.stem)
     if re.search(r"^(camera_matrix|image_width|distortion_model):", text, flags=re.MULTILINE):
-        return read_ros_yaml(path)
+        return _read(path, _of_opencv(text), None)
     if re.search(r"^\s*(T_cam_imu|camera_model|distortion_coeffs|intrinsics):", text, flags=re.MULTILINE):
         own = "camera_matrix and distortion_coefficients in the form of ROS, from its intrinsics and distortion_coeffs"
         raise InputError.at(path, own, "a file of Kalibr")
@@ -66,34 +69,6 @@ def opencv_text(content: LensFile) -> str:
     return str(storage.releaseAndGetString())
 
 
-def read_opencv_yaml(path: Path) -> LensFile:
-    """The lens in a file of cv2.FileStorage; raises InputError with file and key."""
-    text = read_text(path)
-    try:
-        with quiet_opencv():
-            storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError):
-        raise InputError.at(path, "YAML of OpenCV", "a file that OpenCV cannot read") from None
-    size = [storage.getNode(key) for key in ("image_width", "image_height")]
-    if storage.getNode("fisheye_model").isInt() and storage.getNode("fisheye_model").real():
-        raise InputError.at(f"{path}: fisheye_model", "0; undistort pictures of a fisheye lens first", "1")
-    for key, node in zip(("image_width", "image_height"), size, strict=True):
-        if node.empty() or not node.isInt() or node.real() < 1:
-            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", "none")
-    arrays = {}
-    for key in ("camera_matrix", "distortion_coefficients"):
-        node = storage.getNode(key)
-        try:
-            found = None if node.empty() else node.mat()
-        except cv2.error:
-            found = None
-        if found is None:
-            raise InputError.at(f"{path}: {key}", "a matrix", "none")
-        arrays[key] = np.asarray(found, dtype=np.float64)
-    lens = _lens(path, arrays["camera_matrix"], arrays["distortion_coefficients"])
-    return LensFile(lens, (int(size[0].real()), int(size[1].real())), path.stem)
-
-
 def ros_text(content: LensFile) -> str:
     """A lens in the format of ROS's camera_info_manager: matrix and distortion, without rectification."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
@@ -110,80 +85,62 @@ def ros_text(content: LensFile) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_ros_yaml(path: Path) -> LensFile:
-    """The lens in a camera_info file of ROS; raises InputError with file and key or line."""
-    tables = _ros_tables(path)
-    if (model := tables.get("distortion_model", "none")) not in ROS_MODELS:
-        also = "rational_polynomial is also supported; undistort pictures of a fisheye lens first"
-        raise InputError.at(f"{path}: distortion_model", ROS_MODELS[0], f"{shown(model)}; {also}")
-    size = []
-    for key in ("image_width", "image_height"):
-        text = tables.get(key, "none")
-        if not (isinstance(text, str) and re.fullmatch(r"[1-9][0-9]{0,8}", text)):
-            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", shown(text))
-        size.append(int(text))
-    matrix, distortion = (_ros_matrix(path, tables, key) for key in ("camera_matrix", "distortion_coefficients"))
-    name = tables.get("camera_name")
-    return LensFile(_lens(path, matrix, distortion), (size[0], size[1]), name if isinstance(name, str) else None)
-
-
 def _block(key: str, values: Floats) -> list[str]:
     data = ", ".join(repr(float(v)) for v in values.ravel())
     return [f"{key}:", f"  rows: {values.shape[0]}", f"  cols: {values.shape[1]}", f"  data: [{data}]"]
 
 
-def _ros_tables(path: Path) -> Mapping[str, str | dict[str, str]]:
-    """Keys and values of a camera_info file. Tables have at most two levels; lists may continue on further lines."""
-    text = read_text(path)
-    # join wrapped lists, and lists with one entry on each line
-    text = re.sub(r"\[[^\]]*\]", lambda found: " ".join(found[0].split()), text)
-    text = re.sub(r":[ \t]*((?:\n[ \t]*-[ \t]+[^\n]*)+)", lambda found: f": [{', '.join(_entries(found[1]))}]", text)
-    tables: dict[str, str | dict[str, str]] = {}
-    inside: dict[str, str] | None = None
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = re.sub(r"(^|\s)#.*$", "", raw).rstrip()
-        if not line or line == "---" or line.startswith("%"):
-            continue
-        parts = re.fullmatch(r"(\s*)([A-Za-z_]\w*):(?:\s+(.*))?", line)
-        if parts is None or (parts[1] and inside is None):
-            raise InputError.at(f"{path}: line {number}", "key: value", shown(line.strip()))
-        key, value = parts[2], _unquoted(parts[3] or "")
-        if parts[1] and inside is not None:
-            inside[key] = value
-        elif value:
-            tables[key], inside = value, None
-        else:
-            inside = {}
-            tables[key] = inside
-    return tables
+def _of_opencv(text: str) -> str:
+    """A file of ROS as YAML that OpenCV reads: without comments and marks of documents, its lists indented."""
+    text = re.sub(r"(^|[ \t])#.*$|^(---|%).*$|^camera_name:[ \t]*$", "", text, flags=re.MULTILINE)
+    return "%YAML:1.0\n" + re.sub(r"^([ \t]*)-[ \t]", r"\1    - ", text, flags=re.MULTILINE)
 
 
-def _entries(block: str) -> list[str]:
-    return [line.split("-", 1)[1].strip() for line in block.strip().splitlines()]
+def _read(path: Path, text: str, name: str | None) -> LensFile:
+    """The lens in a text that cv2.FileStorage reads.
 
-
-def _unquoted(value: str) -> str:
-    text = value.strip()
-    return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
-
-
-def _ros_matrix(path: Path, tables: Mapping[str, str | dict[str, str]], key: str) -> Floats:
-    table = tables.get(key)
-    if not isinstance(table, dict):
-        raise InputError.at(f"{path}: {key}", "rows, cols and data", "none" if table is None else shown(table))
+    name: the camera's name if the file does not state it; None for a file of ROS, which has to state its model
+    """
     try:
-        shape = (int(table["rows"]), int(table["cols"]))
-        listed = table["data"]
-        if not (listed.startswith("[") and listed.endswith("]")):
-            raise ValueError(listed)
-        values = np.array([float(v) for v in listed[1:-1].split(",")])
-        return values.reshape(shape)
-    except KeyError as missing:
-        raise InputError.at(f"{path}: {key}.{missing.args[0]}", "this key", "none") from None
-    except ValueError:
-        raise InputError.at(
-            f"{path}: {key}.data", "rows times cols numbers in brackets", shown(table.get("data"))
-        ) from None
+        with quiet_opencv():
+            file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except (cv2.error, SystemError) as error:
+        fault = re.search(r"\((\d+)\): (.*)'", str(error.__cause__ or error.__context__ or error))
+        if fault is None:
+            raise InputError.at(path, "YAML of OpenCV or ROS", "a file that OpenCV cannot read") from None
+        line = int(fault[1]) - (name is None)  # `_of_opencv` puts a line before a file of ROS
+        raise InputError.at(f"{path}: line {line}", "YAML of OpenCV or ROS", fault[2]) from None
+    fisheye, model, own_name = (file.getNode(key) for key in ("fisheye_model", "distortion_model", "camera_name"))
+    if fisheye.isInt() and fisheye.real():
+        raise InputError.at(f"{path}: fisheye_model", "0; undistort pictures of a fisheye lens first", "1")
+    named = model.string() if model.isString() else "none"
+    if (name is None or model.isString()) and named not in ROS_MODELS:
+        also = "rational_polynomial is also supported; undistort pictures of a fisheye lens first"
+        raise InputError.at(f"{path}: distortion_model", ROS_MODELS[0], f"{shown(named)}; {also}")
+    size = []
+    for key in ("image_width", "image_height"):
+        node = file.getNode(key)
+        if not node.isInt() or node.real() < 1:
+            found = shown(node.string()) if node.isString() else "none"
+            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", found)
+        size.append(int(node.real()))
+    matrix, distortion = (_matrix(f"{path}: {key}", file.getNode(key)) for key in ("camera_matrix", DISTORTION))
+    name = own_name.string() if own_name.isString() else name
+    return LensFile(_lens(path, matrix, distortion), (size[0], size[1]), name)
+
+
+def _matrix(place: str, node: Any) -> Floats:
+    """A matrix of cv2.FileStorage, or a table with rows, cols and data."""
+    if not node.isMap():
+        raise InputError.at(place, "rows, cols and data", "none")
+    for key in ("rows", "cols", "data"):
+        if node.getNode(key).empty():
+            raise InputError.at(f"{place}.{key}", "this key", "none")
+    rows, cols, data = (node.getNode(key) for key in ("rows", "cols", "data"))
+    entries = [data.at(k) for k in range(data.size())] if data.isSeq() else []
+    if not all(entry.isInt() or entry.isReal() for entry in entries) or len(entries) != rows.real() * cols.real():
+        raise InputError.at(f"{place}.data", "rows times cols numbers in brackets", f"{len(entries)} entries")
+    return np.array([entry.real() for entry in entries]).reshape(int(rows.real()), int(cols.real()))
 
 
 def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:

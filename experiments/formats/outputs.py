@@ -32,17 +32,19 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
 
     Raises InputError, before any work is done, if `path` cannot be written.
     """
-    final = Path(os.path.realpath(path))
-    for source in inputs:
-        check_apart(path, source)
-    _check_free(path, final, force, work=None)
+    final = _folder(path, force, inputs)
     work: Path | None = None
     try:
         with accepted(path, "room to write", FULL):
             work = _fresh_folder(path, final)
             yield work
             _check_free(path, final, force, work)  # tested again: other programs may have written there meanwhile
-            _hand_over(path, work, final)
+            with accepted(path, "a folder that can be written"):
+                if final.is_dir():
+                    _merge(path, work, final)
+                else:
+                    final.parent.mkdir(parents=True, exist_ok=True)
+                    work.rename(final)
     finally:
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)
@@ -62,10 +64,7 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
     It is for output that cannot be repeated, such as that of a live run. A new folder that stays empty is removed.
     force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
-    final = Path(os.path.realpath(path))
-    for source in inputs:
-        check_apart(path, source)
-    _check_free(path, final, force, work=None)
+    final = _folder(path, force, inputs)
     made = not final.is_dir()
     with accepted(path, "a folder that can be written"):
         final.mkdir(parents=True, exist_ok=True)
@@ -109,25 +108,21 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # content for `_put_back`; the last file is never put back
+                if path != paths[-1]:  # to put it back; the last file is never put back
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
-            _put_back(old)
+            for final, before in old.items():
+                if before is None:
+                    final.unlink(missing_ok=True)
+                else:
+                    final.write_bytes(before)
             raise
         finally:
             for part in parts.values():
                 part.unlink(missing_ok=True)
     except OSError as error:
         raise InputError.refused(path, "a file that can be written", error) from error
-
-
-def _put_back(old: Mapping[Path, bytes | None]) -> None:
-    for final, content in old.items():
-        if content is None:
-            final.unlink(missing_ok=True)
-        else:
-            final.write_bytes(content)
 
 
 @contextmanager
@@ -190,6 +185,15 @@ def check_outside(path: Path, folder: Path) -> None:
         raise InputError.at(path, f"a file outside of {folder}, which is read", "one in it")
 
 
+def _folder(path: Path, force: bool, inputs: Sequence[Path]) -> Path:
+    """The real path of an output folder; raises InputError if it must not be written."""
+    for source in inputs:
+        check_apart(path, source)
+    final = Path(os.path.realpath(path))
+    _check_free(path, final, force, work=None)
+    return final
+
+
 def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None:
     if not os.path.isdir(final):
         if os.path.exists(final):
@@ -221,15 +225,6 @@ def _fresh_folder(path: Path, final: Path) -> Path:
         else:
             return work
     raise InputError.refused(path, "a folder that can be written", faults[0])
-
-
-def _hand_over(path: Path, work: Path, final: Path) -> None:
-    with accepted(path, "a folder that can be written"):
-        if final.is_dir():
-            _merge(path, work, final)
-        else:
-            final.parent.mkdir(parents=True, exist_ok=True)
-            work.rename(final)
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:

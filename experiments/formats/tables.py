@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -97,15 +97,50 @@ def read_table(
     n_rows = 0
     while chunk := list(islice(rows, CHUNK_ROWS)):
         columns = dict(zip(header, zip(*chunk, strict=True), strict=True))
+        values = {column: _numbers(columns[column]) for column in numbers}
+        faults = [(int(np.argmin(good)), c) for c in numbers if not (good := np.isfinite(values[c])).all()]
+        if faults:
+            row, column = min(faults, key=lambda fault: fault[0])
+            entry = columns[column][row]
+            found = shown(entry) if entry.strip() else "none"
+            raise InputError.at(f"{path}: row {n_rows + row + 2}: {column}", "a finite number", found)
         for column in numbers:
-            values = _numbers(columns[column])
-            if values is None:
-                raise _first_fault(path, chunk, header, numbers, n_rows + 2)
-            parts[column].append(values)
+            parts[column].append(values[column])
         for column in texts:
             read_texts[column].extend(same.setdefault(entry, entry) for entry in columns[column])
         n_rows += len(chunk)
     return Table(path, {column: np.concatenate(arrays) for column, arrays in parts.items()}, read_texts, n_rows)
+
+
+def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
+    """The table of a run's results in a file, and the names of its columns in order; raises InputError.
+
+    needed: columns that must exist, time_s included. An incomplete last line, as after a killed run, is omitted.
+    words: columns of text; all others are numbers, NaN if missing
+    """
+    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
+    for column in dict.fromkeys([*needed, *header]):
+        _check_once(path, header, column)
+    table = open_table(path, header, rows, words)
+    table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
+    return table, header
+
+
+def open_table(
+    path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str], *, first_row: int = 2
+) -> Table:
+    """The table of these rows, each as long as the header; all columns except `words` are numbers, NaN if missing.
+
+    Raises InputError with row and column.
+    """
+    columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
+    numbers = {name: _numbers(entries) for name, entries in columns.items() if name not in words}
+    for column, values in numbers.items():
+        for row in np.flatnonzero(np.isnan(values)):
+            if (entry := columns[column][row]).lower() not in ("", "nan"):
+                raise InputError.at(f"{path}: row {row + first_row}: {column}", "a number", shown(entry))
+    texts = {name: list(entries) for name, entries in columns.items() if name in words}
+    return Table(path, numbers, texts, len(rows), first_row)
 
 
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
@@ -146,43 +181,34 @@ def _check_header(path: Path, header: list[str], columns: list[str], rejected: M
         if column in rejected:
             raise InputError(f"{path}: {column}: {rejected[column]}")
     for column in columns:
-        if header.count(column) != 1:
-            found = "none" if column not in header else str(header.count(column))
-            raise InputError.at(f"{path}: row 1", f"one column {column}", f"{found} in {shown(','.join(header))}")
+        _check_once(path, header, column)
     for column in header:
         if column not in columns:
             raise InputError.at(f"{path}: row 1", f"only columns {', '.join(columns)}", f"also {shown(column)}")
 
 
-def _numbers(entries: Sequence[str]) -> Floats | None:
-    """The entries as numbers; None if any entry is not a finite number."""
-    # Python also reads 1_000 and digits of other scripts as numbers; here they are errors
-    whole = "".join(entries)
-    if not whole.isascii() or "_" in whole:
-        return None
-    try:
-        values = np.array([float(entry) for entry in entries])
-    except ValueError:
-        return None
-    return values if np.isfinite(values).all() else None
+def _check_once(path: Path, header: Sequence[str], column: str) -> None:
+    if header.count(column) != 1:
+        found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
+        raise InputError.at(f"{path}: row 1", f"one column {column}", found)
+
+
+def _numbers(entries: Sequence[str]) -> Floats:
+    """The entries as numbers, NaN for those that are none."""
+
+    def number(entry: str) -> float:
+        # Python also reads 1_000 and digits of other scripts as numbers; here they are errors
+        try:
+            return float(entry) if entry.isascii() and "_" not in entry else np.nan
+        except ValueError:
+            return np.nan
+
+    return np.array([number(entry) for entry in entries], dtype=float)
 
 
 def _number_text(value: float) -> str:
     """A number in its shortest form: 3 and not 3.0."""
     return str(int(value)) if abs(value) < 1e15 and value == int(value) else repr(float(value))
-
-
-def _first_fault(
-    path: Path, rows: list[list[str]], header: list[str], numbers: Sequence[str], first_row: int
-) -> InputError:
-    places = [(header.index(column), column) for column in numbers]
-    row, column, entry = next(
-        (row, column, entries[place])
-        for row, entries in enumerate(rows, first_row)
-        for place, column in places
-        if _numbers([entries[place]]) is None
-    )
-    return InputError.at(f"{path}: row {row}: {column}", "a finite number", shown(entry) if entry.strip() else "none")
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -173,8 +173,10 @@ def toml_value(value: Any, number: Number = toml_number) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         return toml_text(value)
-    if isinstance(value, float | int | np.number):
-        return number(value if isinstance(value, float | int) else value.item())
+    if isinstance(value, int | np.integer):
+        return str(value)
+    if isinstance(value, float | np.floating):
+        return number(float(value))
     return f"[{', '.join(toml_value(one, number) for one in value)}]"
 
 

@@ -26,8 +26,7 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, Step, check_followed
 from experiments.pipeline.sight.space import calibration_shifts
-from experiments.simulation.plane_film import draw
-from experiments.simulation.space_film import draw_in_space
+from experiments.simulation.film import draw, draw_in_space
 from vision import LostMark
 
 FRAMES_PER_S = 30.0

@@ -9,13 +9,22 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from dynamics.mesh import MeshError, TetMesh, far_apart, locate, locate_on_surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, coordinates, placed, shown
 from experiments.formats.mesh.body import Body, read_body
-from experiments.formats.mesh.held import PLANE, REGION, WALL, beyond, extents, held
-from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
+from experiments.formats.mesh.project_file import (
+    PLANE,
+    REGION,
+    WALL,
+    ProjectMesh,
+    beyond,
+    extents,
+    held,
+    mesh_content,
+)
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.mesh import mesh_network, mesh_table
 from experiments.formats.scene.network import is_node_name
@@ -59,6 +68,9 @@ LEAST_FREE = 1e-3
 N_DRAWS = 100
 """Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
 
+FINEST = 7
+"""Decimals of the positions in a new project [m]: 0.1 µm."""
+
 SHALLOWEST_MM = 0.01
 """Least depth of a target below the surface [mm]: nearer targets have no direction to the skin."""
 
@@ -97,8 +109,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     kept = ProjectMesh(mesh, wall)
     anchored = held(kept, fixed)
     faces = _free_faces(body, anchored)
-    marks = _marks(of.marks, mesh, faces)
-    target = _target(of, mesh, anchored)
+    marks = {name: np.round(place, FINEST) for name, place in _marks(of.marks, mesh, faces).items()}
+    target = np.round(_target(of, mesh, anchored), FINEST)
     corner, weights, _ = locate_on_surface(mesh, faces, target[None])
     nearest = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]])
     if np.linalg.norm(nearest - target) < 1e-3 * SHALLOWEST_MM:
@@ -116,7 +128,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         )
         for one in tissues
     ]
-    points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
+    points = [*marks.items(), (TARGET, np.round(_drawn(of, target, mesh, anchored, rng), FINEST))]
     exactly = replace(of, target_sd_mm=0.0)  # the lesion's position is already random; `insert` must not vary it again
     truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
@@ -307,17 +319,15 @@ def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Fl
     with placed(of.path, SceneError):
         mesh, network = mesh_network(content, of.path, table)
     places = np.array([*marks.values()])
-    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.diag(np.full(len(places), np.inf))
-    extent = float(np.ptp(places, axis=0).max()) if len(places) > 1 else 0.06
-    diameter_m = max(float(np.round(MARK_SIZE * min(apart.min(), extent), 4)), 1e-4)
-    sd_mm = of.target_sd_mm or 0.0
+    apart_m = pdist(places).min() if len(places) > 1 else 0.06
+    diameter_m = max(float(np.round(MARK_SIZE * apart_m, 4)), 1e-4)
     return Scene(
         network=network,
         marks=(
             *(Mark(name, HUES_DEG[k % len(HUES_DEG)], diameter_m) for k, name in enumerate(marks)),
             Mark(TARGET, HUES_DEG[len(marks) % len(HUES_DEG)], diameter_m, measured=False),
         ),
-        target=Target(TARGET, 1e-3 * RADIUS_MM, position_sd_m=1e-3 * sd_mm),
+        target=Target(TARGET, 1e-3 * RADIUS_MM, position_sd_m=1e-3 * (of.target_sd_mm or 0.0)),
         cameras=(),
         reference=Reference(drift_sd_m=0.0),
         mesh=mesh,

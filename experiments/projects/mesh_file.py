@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import NetworkError, Phantom, elastic_body, on_hull
+from dynamics import NetworkError, Phantom, elastic_body, on_hull, spring_lengths
 from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
 from experiments.errors import InputError, no_node, placed, shown
@@ -68,7 +68,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom,
     except NetworkError as error:
         fault = f"{nodes if springs is None else springs}: {error}"
         raise InputError(f"{fault}; a stiffer body (--young-kpa), braces or less mass may hold it") from None
-    shortest_m = float(np.linalg.norm(np.diff(positions[network.springs], axis=1), axis=2).min())
+    shortest_m = float(spring_lengths(positions, network.springs).min())
     if shortest_m < SHORTEST_M:
         raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
     groups = (joined.texts if joined is not None else {}).get("group", ["springs"] * len(network.springs))

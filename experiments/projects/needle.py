@@ -24,14 +24,11 @@ BEFORE = np.linspace(0.02, 1.0, 25)
 """Distances before the entry, relative to the body's extent, at which there must be no tissue [1]."""
 
 
-def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """Unit vector from an entry to the target as the needle displaces it, (dim,); entry: its position [m], (dim,)."""
-    start = network.positions[network.index(target)]
-    return _aimed(NeedlePush(network, target, FORCES.planned(network)), start, entry, direction)[0]
+def aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Unit vector, (dim,), from an entry [m], (dim,), to the target as the needle displaces it; this displacement [m].
 
-
-def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Direction to the target as the needle displaces it, and this displacement [m]; start: position at rest [m]."""
+    start: the target's position at rest [m], (dim,)
+    """
     shift = np.zeros_like(start)
     for _ in range(AIMING):
         shift = push.shift(Insertion(entry, direction, 1.0))
@@ -63,12 +60,12 @@ def surest_entry(
     entries = entries[(start - entries) @ from_wall <= 0.0]
 
     def error_m(entry: Floats) -> float:
-        shift = _aimed(push, start, entry, start - entry)[1]
+        shift = aimed(push, start, entry, start - entry)[1]
         depth_m = np.linalg.norm(start + shift - entry)
         return float(np.hypot(forces.force_sd * np.linalg.norm(shift), bending_sd * depth_m))
 
     entry = next((entry for entry in sorted(entries, key=error_m) if _is_open(mesh, entry, start)), nearest)
-    return entry, _aimed(push, start, entry, start - entry)[0]
+    return entry, aimed(push, start, entry, start - entry)[0]
 
 
 def _is_open(mesh: TetMesh, entry: Floats, target: Floats) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynamics import spring_lengths
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
@@ -218,8 +219,7 @@ def _of_rest(done: SceneCheck) -> Iterator[Missing]:
     if done.offsets_m.max() <= _drawn_to(done) or rest_is_known(done.scene):
         return
     network = done.scene.network
-    apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
-    as_drawn = np.allclose(np.linalg.norm(apart, axis=1), network.rest_lengths, rtol=1e-6)
+    as_drawn = np.allclose(spring_lengths(network.positions, network.springs), network.rest_lengths, rtol=1e-6)
     yield Missing(
         "rest lengths equal the drawn distances, but gravity stretches springs, so the network does not rest as drawn"
         if as_drawn

@@ -17,10 +17,13 @@ from dynamics import (
     parameters,
     rest_shape,
     scale_parameters,
+    spring_lengths,
     to_outside,
 )
+from estimators import NeedlePush
 from experiments.arrays import Floats
 from experiments.errors import placed
+from experiments.formats.needle_file import FORCES
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -94,18 +97,15 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     out = way / np.linalg.norm(way)
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
     entry = start + reach * out
-    return Template(
-        title, assumed, replace(assumed, network=actual), entry, aimed(network, phantom.target, entry, -out)
-    )
+    push = NeedlePush(network, phantom.target, FORCES.planned(network))
+    return Template(title, assumed, replace(assumed, network=actual), entry, aimed(push, start, entry, -out)[0])
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
     """The scene of a phantom: marks on its free nodes, those inside only for scoring; with a camera if it is flat."""
     network = phantom.network
-    lengths = np.linalg.norm(
-        network.positions[network.springs[:, 0]] - network.positions[network.springs[:, 1]], axis=1
-    )
-    diameter_m = float(np.round(MARK_SIZE * lengths.min(), 4))
+    shortest_m = spring_lengths(network.positions, network.springs).min()
+    diameter_m = float(np.round(MARK_SIZE * shortest_m, 4))
     nodes = [network.names[i] for i in network.free]
     marks = tuple(
         Mark(node, hues.get(node, HUES_DEG[k % len(HUES_DEG)]), diameter_m, measured=node in phantom.outer)

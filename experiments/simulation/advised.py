@@ -61,7 +61,6 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     first, every = round(case.warm_s * case.frames_per_s), max(1, round(EVERY_S * case.frames_per_s))
     until_s = world.knots.interval_s * (len(world.knots.forces) - 1)
-    away = NeedleMotion(world.entry, np.zeros(world.network.dim), case.straight.axis, -1.0)
     found = []
     for k in range(first, case.n_frames - 1):
         now = world.frame_s(k)
@@ -70,7 +69,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
         if (k - first) % every == 0:
             guidance = asked(tissue, estimate, case.straight, plan.lesion)
             found.append(inserted(world, guidance, (now, until_s), state, rng.normal(size=world.network.dim)))
-        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), punctured=False)
+        state = world.untouched(state, k)
     return tuple(found)
 
 

@@ -97,11 +97,6 @@ class Case:
         """Number of camera frames until the end of `patience_s`."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
-    @property
-    def settings(self) -> FilterSettings:
-        """Settings of the filter."""
-        return self.given.settings
-
 
 def case_of(
     scenario: Scenario,
@@ -128,7 +123,7 @@ def case_of(
     of_phantom = scenario.scene is None
     if of_phantom and scene_path is None:
         given = replace(given, settings=settings_for(scenario))
-    plan = phantom_plan(truth) if of_phantom else scene_plan(truth)
+    plan = usual_plan(truth, of_phantom=of_phantom)
     if needle_path is not None:
         plan = read_needle(needle_path, own.target.radius_m, own.network.dim)
     if speed_m_s is not None:
@@ -195,25 +190,19 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
     return float(np.linalg.norm(resting_target(scene) - plan.insertion.entry)) + plan.needle.reach_m
 
 
-def phantom_plan(scene: Scene) -> NeedlePlan:
-    """The study's plan for the phantom: a needle that points down."""
-    insertion = Insertion(resting_target(scene) + ENTRY_M, np.array([0.0, -1.0]), SPEED_M_S)
-    return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, 2), AdviceSettings())
+def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
+    """The plan without a needle file: a needle that points down, in the phantom as in the study.
 
-
-def scene_plan(scene: Scene) -> NeedlePlan:
-    """The plan for a user's scene without a needle file: a needle that points down at the resting target.
-
-    It enters at the height of the highest node at rest, but at least as far above the target as in the phantom.
+    In a user's scene it points at the resting target. It enters at the height of the highest node at rest, but at least
+    as far above the target as in the phantom.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))
     up = -network.gravity / weight if weight > 0.0 else np.eye(network.dim)[1]
     height = float((network.positions @ up).max() - target @ up)
-    entry = target + max(height, float(np.linalg.norm(ENTRY_M))) * up
-    return NeedlePlan(
-        TIP, Insertion(entry, -up, SPEED_M_S), Lesion.ball(scene.target.radius_m, network.dim), AdviceSettings()
-    )
+    entry = target + (ENTRY_M if of_phantom else max(height, float(np.linalg.norm(ENTRY_M))) * up)
+    insertion = Insertion(entry, -up, SPEED_M_S)
+    return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, network.dim), AdviceSettings())
 
 
 def _check_given(path: Path, given: Scene, truth: Scene) -> None:

@@ -99,22 +99,19 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
     """Insert the needle with a policy; state: the tissue's state at the end of the warm-up, as in `World.start`."""
     case, plan = world.case, world.case.plan
-    speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
+    speed_m_s, still = plan.insertion.speed_m_s, np.zeros(plan.lesion.dim - 1)
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
-    drawn = Lesion.ball(SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share, lesion.dim)
-    drawn_radius = float(drawn.axes[0, 0])
-    robot = _Robot(plan.insertion.axis, np.zeros(lesion.dim - 1), punctured=world.pierced)
-    begun_s, push = world.frame_s(first), None
+    robot, push = _Robot(plan.insertion.axis, still, punctured=world.pierced), None
     for k in range(first, case.n_frames - 1):
         now = world.frame_s(k)
         policy.see(now, world.marks(k, state), push)
-        speed, sideways = 0.0, np.zeros(lesion.dim - 1)
+        speed, sideways = 0.0, still
         if robot.doing == "waiting":
             path = policy.path(_way(world, robot, speed_m_s))
             goal = _reached(path, world, None, 0.0)[1]
             if not policy.waits or _advises_go(policy, path, world, goal):
                 way = goal - world.entry
-                robot.axis, robot.beside = way / np.linalg.norm(way), np.zeros(lesion.dim - 1)
+                robot.axis, robot.beside = way / np.linalg.norm(way), still
                 robot.doing, robot.insertions = "going", robot.insertions + 1
         if robot.doing == "going" and policy.waits and policy.fault(now) is not None:
             robot.doing = "back"  # treated like ABORT
@@ -125,21 +122,9 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
             reach = case.steer_m_s * left
             aside = across(robot.axis) @ (goal - world.entry) - robot.beside
             if left <= COMMIT_S + 1e-9 or robot.depth > case.deepest_m:
-                shot = _aimed(world, policy, robot, (now, min(left, COMMIT_S)), within(aside, reach))
-                p = shot.probability(lesion)
-                if not policy.waits or (p is not None and p >= plan.settings.go):
-                    offset, seconds = shot.offset(world, robot, state), now + shot.left_s - begun_s
-                    return Tried(
-                        policy.name,
-                        hits(needle, lesion, offset, robot.axis),
-                        float(np.linalg.norm(offset)),
-                        seconds,
-                        robot.insertions,
-                        p,
-                        shot.probability(drawn),
-                        drawn_radius,
-                        hits(needle, drawn, offset, robot.axis),
-                    )
+                tried = _committed(world, policy, robot, state, (now, min(left, COMMIT_S)), within(aside, reach))
+                if tried is not None:
+                    return tried
                 robot.doing = "back"
             else:
                 speed, sideways = speed_m_s, within(aside / dt, case.steer_m_s)
@@ -155,56 +140,56 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
             state, _drive(world, robot, speed, sideways), (now, world.frame_s(k + 1)), robot.punctured
         )
         robot.depth += speed * dt
-        robot.beside += sideways * dt
-    return Tried(policy.name, False, None, case.patience_s, robot.insertions, None, None, drawn_radius)
+        robot.beside = robot.beside + sideways * dt
+    return Tried(policy.name, False, None, case.patience_s, robot.insertions, None, None, _drawn_radius_m(world))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shot:
-    """A commitment, from which the needle's line is fixed.
+def _committed(
+    world: World, policy: Policy, robot: _Robot, state: Floats, when: tuple[float, float], aside_m: Floats
+) -> Tried | None:
+    """Result of a needle whose line is fixed from now on; None if the policy retracts it instead.
 
-    now_s: its time [s]; left_s: time until arrival [s]; aside_m: sideways motion in that time [m], (dim - 1,)
-    tip, target: predicted densities of both positions at arrival
+    when: present time, and time until arrival [s]; aside_m: sideways motion in that time [m], (dim - 1,)
     """
+    (now, left), case, plan, axis = when, world.case, world.case.plan, robot.axis
+    needle, speed = plan.needle, plan.insertion.speed_m_s
+    tip, cov = robot.tip(world.entry, speed * left, aside_m), needle.tip_cov(axis, robot.depth + speed * left)
+    parts = predicted_parts(world, axis, robot.depth, robot.beside, speed, 1, 1.0 / case.frames_per_s)[:, 0]
+    target = policy.density_at(now + left, parts)
 
-    now_s: float
-    left_s: float
-    aside_m: Floats
-    needle: Needle
-    tip: GaussianMixture
-    target: GaussianMixture | None
-    axis: Floats
-
-    def probability(self, lesion: Lesion) -> float | None:
-        """Probability of a hit; None if the policy predicts no density of the target."""
-        if self.target is None:
+    def probability(lesion: Lesion) -> float | None:
+        if target is None:
             return None
-        return hit_probability(self.target, self.tip, self.axis, lesion, needle=self.needle)
+        return hit_probability(target, GaussianMixture.gaussian(tip, cov), axis, lesion, needle=needle)
 
-    def offset(self, world: World, robot: _Robot, state: Floats) -> Floats:
-        """Vector at arrival from the true target to the tip or the middle of the notch [m], (dim,)."""
-        arrived = state
-        if self.left_s > 0.0:
-            drive = _drive(world, robot, world.case.plan.insertion.speed_m_s, self.aside_m / self.left_s)
-            arrived, _ = world.moved(state, drive, (self.now_s, self.now_s + self.left_s), robot.punctured)
-        tip = self.tip.means[0] + tip_error(self.tip.covs[0], world.tip_noise)
-        return np.asarray(tip - self.needle.reach_m * self.axis - world.target(arrived))
+    p = probability(plan.lesion)
+    if policy.waits and (p is None or p < plan.settings.go):
+        return None
+    arrived = state
+    if left > 0.0:
+        arrived, _ = world.moved(state, _drive(world, robot, speed, aside_m / left), (now, now + left), robot.punctured)
+    offset = tip + tip_error(cov, world.tip_noise) - needle.reach_m * axis - world.target(arrived)
+    drawn = Lesion.ball(_drawn_radius_m(world), plan.lesion.dim)
+    return Tried(
+        policy.name,
+        hits(needle, plan.lesion, offset, axis),
+        float(np.linalg.norm(offset)),
+        now + left - world.frame_s(round(case.warm_s * case.frames_per_s)),
+        robot.insertions,
+        p,
+        probability(drawn),
+        float(drawn.axes[0, 0]),
+        hits(needle, drawn, offset, axis),
+    )
+
+
+def _drawn_radius_m(world: World) -> float:
+    return SMALLEST_M * float((LARGEST_M / SMALLEST_M) ** world.share)
 
 
 def tip_error(cov: Floats, noise: Floats) -> Floats:
     """An error of the tip [m], (dim,), with covariance `cov` [m²], from standard normal numbers `noise`."""
     return np.linalg.cholesky(cov) @ noise if cov.any() else np.zeros(len(noise))
-
-
-def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float], aside: Floats) -> _Shot:
-    now, left = when
-    plan = world.case.plan
-    speed = plan.insertion.speed_m_s
-    tip = robot.tip(world.entry, speed * left, aside)
-    parts = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, 1, 1.0 / world.case.frames_per_s)[:, 0]
-    target = policy.density_at(now + left, parts)
-    cov = plan.needle.tip_cov(robot.axis, robot.depth + speed * left)
-    return _Shot(now, left, aside, plan.needle, GaussianMixture.gaussian(tip, cov), target, robot.axis)
 
 
 def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> NeedleMotion:

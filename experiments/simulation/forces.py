@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import geometric_slerp
 
-from dynamics import MassSpringNetwork, NetworkError, rest_shape
+from dynamics import MassSpringNetwork, NetworkError, SampledForces, rest_shape
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.scenario import Scenario
@@ -35,13 +36,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
     knots *= network.masses[network.free][:, None]
-
-    def force(t: float) -> Floats:
-        place, share = divmod(t / tremor.interval_s, 1.0)
-        k = int(place)
-        return (1.0 - share) * knots[k] + share * knots[min(k + 1, n_knots - 1)]
-
-    return Force(force, np.arange(0.0, n_knots) * tremor.interval_s)
+    return Force(SampledForces(knots, tremor.interval_s).at, np.arange(0.0, n_knots) * tremor.interval_s)
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
@@ -97,14 +92,11 @@ def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
     """Force of the rotated gravity, less the force of the gravity under which the tissue rests as drawn."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
-    angle = np.arccos(np.clip(before @ after / sizes.prod(), -1.0, 1.0))
 
     def force(t: float) -> Floats:
         turned = _risen((t - posture.start_s) / posture.lasts_s)
-        size = sizes @ (1.0 - turned, turned)
-        shares = np.sinc(np.array([1.0 - turned, turned]) * angle / np.pi) * (1.0 - turned, turned)
-        direction = shares @ (before / sizes[0], after / sizes[1])
-        return by_acceleration(network, size * direction / np.linalg.norm(direction) - before)
+        direction = geometric_slerp(before / sizes[0], after / sizes[1], turned)
+        return by_acceleration(network, sizes @ (1.0 - turned, turned) * direction - before)
 
     return Force(force, posture.start_s + np.array([0.0, posture.lasts_s]))
 

@@ -13,8 +13,8 @@ import vision
 from dynamics import integrate_adaptive, pack, unpack
 from experiments.formats.scenario import Scenario
 from experiments.formats.scene.scene import with_step
-from experiments.simulation.forces import poke_force, tremor_force
-from experiments.simulation.plane_film import draw, hues_of
+from experiments.simulation.film import draw, hues_of
+from experiments.simulation.forces import start_and_forces
 from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
@@ -46,12 +46,9 @@ class PhantomCamera:
         self.scenario = scenario
         self.scene = with_step(scene_of(scenario), "simulate", version())
         self._rng = np.random.default_rng(scenario.seed)
-        network = self.scene.network
-        self._forces = [tremor_force(network, scenario.tremor, COMES_AGAIN_S, self._rng)] if scenario.tremor else []
-        if scenario.pokes:
-            self._forces.append(poke_force(network, scenario.pokes, COMES_AGAIN_S, self._rng))
-        rest = network.positions[network.free]
-        self._state = pack(rest, np.zeros_like(rest))
+        lasting = scenario.model_copy(update={"duration_s": COMES_AGAIN_S})
+        start, self._forces = start_and_forces(self.scene.network, lasting, self._rng)
+        self._state = pack(start, np.zeros_like(start))
         self._strays = vision.distractors(
             scenario.distractors, self.scene.cameras[0].size_px, self._rng, hues_of(self.scene)
         )

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from dynamics import NeedleMotion, sliding_friction
+from dynamics import sliding_friction
 from estimators import (
     AdviceSettings,
     AheadTables,
@@ -33,6 +33,7 @@ from estimators import (
 from estimators.core.track import FilterSnapshot
 from estimators.process.target import target_map
 from experiments.arrays import Floats
+from experiments.formats.scene import space_marks
 from experiments.simulation.cases import way_m
 from experiments.simulation.world import World, needle_with
 
@@ -88,10 +89,7 @@ def across(axis: Floats) -> Floats:
     """Unit vectors perpendicular to a unit vector (dim,) and to each other, (dim - 1, dim)."""
     if len(axis) == 2:
         return np.array([[-axis[1], axis[0]]])
-    least = np.eye(3)[int(np.abs(axis).argmin())]
-    first = np.cross(axis, least)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(axis, first)])
+    return space_marks.across(axis[None])[0].T
 
 
 def predicted_parts(
@@ -263,9 +261,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     model = pickle.dumps((*own, given.uncertainty))
     reach_s = path_reach_s(tissue, case.straight, case.plan.needle, case.plan.settings)
     tables, of_advice = _tables(model, horizon_s(world)), _tables(model, reach_s)
-    still = np.zeros(world.network.dim)
-    state, outside = world.start, NeedleMotion(world.entry, still, case.plan.insertion.axis, -1.0)
-    estimate, breathing = None, Breathing(world.network.dim)
+    state, estimate, breathing = world.start, None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
         marks = world.marks(k, state)
         paper.see(world.frame_s(k), marks, None)
@@ -273,7 +269,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
         estimate = tissue.update(marks)
         if world.frame_s(k) >= SETTLED_S:
             breathing.update(world.frame_s(k), *breathing_track(tissue, estimate.mean))
-        state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
+        state = world.untouched(state, k)
     if estimate is None:
         raise ValueError(f"warm_s: expected one frame interval or more, found {case.warm_s} s")
     return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, of_advice, breathing)

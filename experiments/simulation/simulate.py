@@ -32,14 +32,12 @@ from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
 from experiments.formats.scenario import Scenario
 from experiments.formats.scene.reference import Reference
-from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, step_lines, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
-from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
+from experiments.simulation.film import write_films
 from experiments.simulation.forces import start_and_forces
-from experiments.simulation.plane_film import write_film
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.simulation.space_film import all_times, times_of, write_space_films
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
@@ -167,27 +165,23 @@ def simulate(
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
         raise InputError.at(f"{scenario.scene}: camera", "one for a film, or --no-film", str(len(scene.cameras)))
-    films = filmed and bool(scene.cameras or scene.space_cameras)
-    times = times_of(scenario, exposures(scenario), len(scene.space_cameras) if films else 0)
-    times_s = all_times(times) if times else exposures(scenario)
+    n_films = len(scene.cameras or scene.space_cameras) if filmed else 0
+    # each camera in space exposes after the previous one
+    times = [exposures(scenario) + k * scenario.video.stagger_s for k in range(max(n_films, 1))]
+    times_s = np.unique(np.concatenate(times).round(9)) if len(times) > 1 else times[0]
+    of_truth = TRUTH if n_films else 1.0
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
-        network, of_truth = true_network(scene.network, scenario, scenario.seed), TRUTH if films else 1.0
+        network = true_network(scene.network, scenario, scenario.seed)
         truth = true_motion(network, scenario, rng, lambda share: advance(of_truth * share), times_s=times_s)
         _copy_scene(scenario, scene, folder / "scene.toml")
         names = [scene.network.names[i] for i in scene.network.free]
         write_truth_csv(folder / "truth.csv", times_s, {name: truth.positions[:, k] for k, name in enumerate(names)})
-
-        def filmed_share(share: float) -> None:
-            advance(TRUTH + (1.0 - TRUTH) * share)
-
-        if times:
-            write_space_films(scenario, scene, times, truth, folder, rng, filmed_share)
-            return
-        write_frames_csv(folder / "frames.csv", times_s)
-        if films:
-            write_film(scenario, scene, truth, rng, folder / "video.avi", filmed_share)
+        if n_films:
+            rest = 1.0 - TRUTH
+            write_films(scenario, scene, times, truth, folder, rng, lambda share: advance(TRUTH + rest * share))
         else:
+            write_frames_csv(folder / "frames.csv", times_s)
             marks = seen_marks(scene, truth, scenario.seen, rng).marks
             write_marks_csv(folder / "marks.csv", times_s, marks or (), dim=scene.network.dim)
             advance(1.0)

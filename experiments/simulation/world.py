@@ -94,6 +94,11 @@ class World:
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 
+    def untouched(self, state: Floats, k: int) -> Floats:
+        """State of the tissue at the frame after frame k, without a needle."""
+        away = NeedleMotion(self.entry, np.zeros(self.network.dim), self.case.plan.insertion.axis, -1.0)
+        return self.moved(state, away, (self.frame_s(k), self.frame_s(k + 1)), punctured=False)[0]
+
 
 def world_of(case: Case) -> World:
     """The world of a case, determined by its seed. Raises InputError for an impossible scenario."""

@@ -68,7 +68,7 @@ from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
-from experiments.simulation.plane_film import film
+from experiments.simulation.film import film
 from experiments.simulation.simulate import scene_of, true_motion
 from experiments.studies.bench_recording import FRAME_S, film_640x480, median_ms, recording, resting_frames, seconds_of
 from experiments.studies.estimation.trials import EXACTLY, Frames, passed

@@ -53,8 +53,3 @@ def test_who_takes_no_more_leaves_no_thread_and_no_more_than_a_few_items_are_mad
         assert next(taken) == 1
     assert not threads()
     assert n_made <= 2 * AHEAD + 3
-
-
-def test_no_items_are_none():
-    with ahead([]) as taken:
-        assert list(taken) == []

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
-from experiments.formats.exchange.open_table import open_table
-from experiments.formats.tables import read_rows
+from experiments.formats.tables import open_table, read_rows
 
 KINDS = "a table of DeepLabCut (rows scorer, bodyparts, coords) or of SLEAP (columns track, frame_idx)"
 DLC_HEADS = ("scorer", "bodyparts", "coords")

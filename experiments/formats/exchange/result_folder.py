@@ -13,9 +13,8 @@ import pandas as pd
 
 from estimators import Status
 from experiments.errors import InputError, read_text, shown
-from experiments.formats.exchange.open_table import read_open
 from experiments.formats.exchange.results import ESTIMATES, FLAGS
-from experiments.formats.tables import Table
+from experiments.formats.tables import Table, read_open
 from vision import FilePath
 
 OPEN_LOOP, MARKS, SUMMARY = "estimates.open-loop.csv", "marks.csv", "summary.json"

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from estimators import Status
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.exchange.open_table import read_open
 from experiments.formats.marks.rows import AXES, cov_names, cov_of
 from experiments.formats.recording import SAME_TIME_S, nearest_frames
-from experiments.formats.tables import Table
+from experiments.formats.tables import Table, read_open
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
@@ -44,14 +43,10 @@ class Results:
 
     def entries(self, row: int) -> dict[str, Entry]:
         """Values of a row by column; empty values are None."""
-        return {column: self._entry(column, row) for column in self.columns}
-
-    def _entry(self, column: str, row: int) -> Entry:
-        if column in self.table.texts:
-            word = self.table.texts[column][row]
-            return FLAGS.get(word, word)
-        value = float(self.table.numbers[column][row])
-        return value if np.isfinite(value) else None
+        found: dict[str, Entry] = {name: FLAGS.get(words[row], words[row]) for name, words in self.table.texts.items()}
+        for name, values in self.table.numbers.items():
+            found[name] = float(values[row]) if np.isfinite(values[row]) else None
+        return {column: found[column] for column in self.columns}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,16 +1,21 @@
 """ROS 2 messages that are exported: definitions, and encoding as CDR.
 
+CDR is plain, little-endian, version 1 [corba], [ddsi-rtps].
 Definitions are those of ROS 2's common_interfaces, unchanged since Foxy. Lengths in metres; stamps in nanoseconds.
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from experiments.arrays import Floats
-from experiments.formats.exchange.cdr import encoded
+
+HEADER = b"\x00\x01\x00\x00"
+"""Header of plain CDR in little-endian order without options."""
 
 FRAME = "reference"
 """Name of the frame with the scene's axes: x right, y up, z toward the camera."""
@@ -44,6 +49,22 @@ DEFINITIONS: Mapping[str, str] = {
     TEXT: _definition("string data"),
 }
 """Definition of each message type, in the encoding `ros2msg`."""
+
+
+def encoded(form: str, *values: Any) -> bytes:
+    """A message with these values; `form` has one letter for each value.
+
+    i, I, d: a number as in `struct`, aligned to its size; s: text, which ends with a zero byte; b: bytes
+    Text and bytes begin with their length. The entries of an array of fixed length are single values.
+    """
+    body = bytearray()
+    for code, value in zip(form, values, strict=True):
+        content = value.encode("utf-8") + b"\x00" if code == "s" else value
+        kind, number = ("<I", len(content)) if code in "sb" else (f"<{code}", value)
+        body += bytes(-len(body) % struct.calcsize(kind)) + struct.pack(kind, number)
+        if code in "sb":
+            body += content
+    return HEADER + bytes(body)
 
 
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from dynamics.mesh import MeshError, TetMesh, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, placed
-from experiments.formats.mesh.closed import checked_surface
-from experiments.formats.mesh.filled import filled
+from experiments.formats.mesh.filled import checked_surface, filled
 from experiments.formats.mesh.source import Cells, Source, read_source
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -108,12 +107,10 @@ def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Fl
     keys, given = (
         (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))
     )
-    order = np.argsort(keys)
-    at = order[np.minimum(np.searchsorted(keys, given, sorter=order), len(keys) - 1)]
-    found = keys[at] == given
+    _, at, found = np.intersect1d(keys, given, return_indices=True)
     outer = {name: np.full(len(faces), np.nan) for name in fields}
     for name, values in fields.items():
-        outer[name][at[found]] = values[found]
+        outer[name][at] = values[found]
     return Cells(faces, outer)
 
 

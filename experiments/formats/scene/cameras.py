@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.errors import shown
-from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, head_lines, read_camera_toml
+from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, read_camera_toml
 from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
 from experiments.formats.toml_file import exactly, key_lines
@@ -92,7 +92,7 @@ def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
 
 def camera_lines(camera: Camera) -> list[str]:
     """Lines of `[[camera]]`."""
-    keys: dict[str, Any] = {}
+    keys: dict[str, Any] = {"name": camera.name or "camera", "size_px": camera.size_px}
     if camera.lens is None:
         keys["plane_to_px"] = camera.plane_to_px @ np.linalg.inv(METRES_TO_MM)
     else:
@@ -104,4 +104,4 @@ def camera_lines(camera: Camera) -> list[str]:
         if isinstance(camera, PlaneCamera):
             keys["scale_sd"] = camera.scale_sd
         keys["calibration_sd_px"] = float(camera.calibration_sd_px)
-    return ["", "[[camera]]", *head_lines(camera.name or "camera", camera.size_px), *key_lines(keys, exactly)]
+    return ["", "[[camera]]", *key_lines(keys, exactly)]

@@ -16,8 +16,7 @@ from dynamics.elements import LEFT_OUT, continuum_network, points_of
 from dynamics.mesh import INSIDE, MeshError, TetMesh, Tissue, locate_on_surface, nearest_elements, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
-from experiments.formats.mesh.held import held
-from experiments.formats.mesh.project_file import ProjectMesh, mesh_of
+from experiments.formats.mesh.project_file import ProjectMesh, held, mesh_of
 from experiments.formats.mesh.reduced import reduced
 from experiments.formats.scene.network import check_name
 from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTissueTable, SceneError, check_own_names
@@ -160,7 +159,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """`[mesh]` for tissues by region number, and points [m]; constants get six digits, positions steps of 0.1 µm."""
+    """`[mesh]` for tissues by region number, and points [m]."""
     return MeshTable(
         file=file,
         fixed=fixed,
@@ -169,15 +168,15 @@ def mesh_table(
             MeshTissueTable(
                 name=one.name,
                 region=region,
-                young_kpa=float(f"{1e-3 * one.young_pa:.6g}"),
+                young_kpa=1e-3 * one.young_pa,
                 poisson=one.poisson,
-                density_kg_m3=float(f"{one.density_kg_m3:.6g}"),
-                damping_s=float(f"{one.damping_s:.6g}"),
+                density_kg_m3=one.density_kg_m3,
+                damping_s=one.damping_s,
             )
             for region, one in tissues.items()
         ],
         point=[
-            MeshPointTable(name=name, position_mm=(np.round(1e3 * np.array(place), 4) + 0.0).tolist())
+            MeshPointTable(name=name, position_mm=(np.round(1e3 * np.array(place), 9) + 0.0).tolist())
             for name, place in points
         ],
     )
@@ -247,21 +246,11 @@ def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
 
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
     """Lines of `[mesh]` with the stiffness of a network of this mesh."""
-    sha256 = hashlib.sha256(mesh.content).hexdigest()
-    lines = [
-        "[mesh]",
-        *key_lines({"file": mesh.file, "sha256": sha256, "fixed": mesh.fixed, "driven": mesh.driven or None}),
-    ]
-    for tissue, region in zip(mesh.tissues_of(network), mesh.regions, strict=True):
-        keys = {
-            "young_kpa": 1e-3 * tissue.young_pa,
-            "poisson": tissue.poisson,
-            "density_kg_m3": tissue.density_kg_m3,
-            "damping_s": tissue.damping_s,
-        }
-        named = [*key_lines({"name": tissue.name}), f"region = {region}"]
-        lines += ["", "[[mesh.tissue]]", *named, *key_lines(keys)]
-    for name, place in mesh.points:
-        position = (np.round(1e3 * np.array(place), 9) + 0.0).tolist()
-        lines += ["", "[[mesh.point]]", *key_lines({"name": name, "position_mm": position})]
+    table, sha256 = mesh.table(network), hashlib.sha256(mesh.content).hexdigest()
+    keys = {"file": table.file, "sha256": sha256, "fixed": table.fixed, "driven": table.driven or None}
+    lines = ["[mesh]", *key_lines(keys)]
+    for tissue in table.tissue:
+        lines += ["", "[[mesh.tissue]]", *key_lines(tissue.model_dump())]
+    for point in table.point:
+        lines += ["", "[[mesh.point]]", *key_lines(point.model_dump())]
     return lines

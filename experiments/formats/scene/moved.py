@@ -10,8 +10,7 @@ import numpy as np
 from dynamics import MassSpringNetwork
 from estimators import RigidMotion
 from experiments.errors import shown
-from experiments.formats.mesh.held import WALL, held
-from experiments.formats.mesh.project_file import ProjectMesh, mesh_content, mesh_of
+from experiments.formats.mesh.project_file import WALL, ProjectMesh, held, mesh_content, mesh_of
 from experiments.formats.scene.mesh import APART_M, SceneMesh, mesh_network
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene

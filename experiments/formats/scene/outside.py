@@ -11,8 +11,8 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from dynamics.mesh import surface
 from experiments.arrays import Floats
-from experiments.formats.mesh.held import held
-from experiments.formats.mesh.project_file import mesh_of
+from experiments.formats.mesh.filled import clustered
+from experiments.formats.mesh.project_file import held, mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
@@ -62,11 +62,7 @@ def fewer(whole: Outside, most: int) -> Outside:
     """A surface with at most this number of faces; all corners in one cell of a grid are replaced by their mean."""
     found, cell = whole, FINEST * float(np.ptp(whole.corners, axis=0).max())
     while len(found.faces) > most:
-        _, inverse = np.unique(np.round(whole.corners / cell).astype(int), axis=0, return_inverse=True)
-        own = inverse.ravel()
-        corners = np.stack([np.bincount(own, axis) for axis in whole.corners.T], axis=1) / np.bincount(own)[:, None]
-        faces = own[whole.faces]
-        found = _outside(corners, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
+        found = _outside(*clustered(whole.corners, whole.faces, cell))
         cell *= COARSER
     return found
 

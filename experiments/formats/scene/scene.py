@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,7 +32,6 @@ from experiments.formats.scene.schema import (
     check_dim,
     check_own_names,
 )
-from experiments.formats.scene.steps import digest, step_lines
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
@@ -282,6 +283,25 @@ def with_step(
         kept=list(kept),
     )
     return replace(scene, steps=(*scene.steps, done))
+
+
+def digest(lines: Sequence[str]) -> str:
+    """SHA-256 of lines of a scene file; their numbers are rounded to twelve digits, to ignore rounding errors."""
+    text = re.sub(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?", lambda found: f"{float(found[0]):.12g}", "\n".join(lines))
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def step_lines(steps: Sequence[Step]) -> list[str]:
+    """The lines of `[[provenance]]`, one table for each step.
+
+    They have no times, so that the same steps give the same file. The provenance file beside it has the times.
+    """
+    lines = []
+    for step in steps:
+        lines += ["", "[[provenance]]", *key_lines(step.model_dump(exclude={"kept"}))]
+        if step.kept:
+            lines += long_list("kept", step.kept, why="not determined by the recording: unchanged")
+    return lines
 
 
 def _body_lines(scene: Scene) -> list[str]:

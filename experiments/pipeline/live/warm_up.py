@@ -18,7 +18,7 @@ from estimators import CovarianceError, MarkMeasurement
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
-from experiments.simulation.space_film import draw_in_space
+from experiments.simulation.film import draw_in_space
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 

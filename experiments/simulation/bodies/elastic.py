@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dynamics import MassSpringNetwork, build_network, fit_rest_lengths, spring_lengths
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names
-from experiments.simulation.bodies.simulate import compiled, motion, settled
+from experiments.simulation.bodies.simulate import Act, compiled, motion, pushes, pushing, settled
 
 FRAMES_PER_S = 30
 BLOCK_M, BLOCK_PA, BLOCK_KG_M3 = 0.06, 30e3, 1000.0
@@ -31,10 +31,6 @@ PRESS, FINGER = 0.05, 0.6
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
-
-
-Push = tuple[float, float, Floats]
-"""Constant forces on nodes: their start [s], their end [s], and their values [N], (n_nodes, 3)."""
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
@@ -59,8 +55,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: f
         force = press * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_up(rng)
         return np.outer(share / share.sum(), force)
 
-    pushes = _pushes(rng, seconds, pressed)
-    times, places = _moved(model, data, seconds, scale, _pushing(model, pushes))
+    times, places = _moved(model, data, seconds, scale, _pushing(rng, model, seconds, pressed))
     springs, shared = _lattice(grid, spacing)
     stiffness = 0.4 * young * spacing * shared
     inside = ~_on_hull(grid)
@@ -122,8 +117,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
         forces[rng.choice(np.flatnonzero(rim))] = strength * _mostly_across(rng)
         return forces
 
-    pushes = _pushes(rng, seconds, pulled)
-    times, places = _moved(model, data, seconds, scale, _pushing(model, pushes))
+    times, places = _moved(model, data, seconds, scale, _pushing(rng, model, seconds, pulled))
     springs, shared = _lattice(grid, spacing)
     # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
     stiffness = 0.75 * stretch * np.where(_diagonal(grid, springs, spacing), 0.5, shared)
@@ -167,39 +161,24 @@ def _settle(model: Any, data: Any, scale: Scale) -> None:
     settled(model, data, seconds=seconds, step_s=2e-3 * min(1.0, scale.oscillation), kept=0.98)
 
 
-def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[float, Any], None]) -> Any:
+def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Act) -> Any:
     times = np.arange(round(FRAMES_PER_S * seconds)) / FRAMES_PER_S
     longest_s = 1e-3 * min(1.0, scale.oscillation)
     places = motion(model, data, lambda d: d.flexvert_xpos, times_s=times, longest_s=longest_s, act=act)
     return times, places
 
 
-def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Floats]) -> list[Push]:
-    """Successive forces, with pauses in which the body comes to rest."""
-    found, start = [], float(rng.uniform(0.2, 0.5))
-    while start < seconds:
-        lasts = float(rng.uniform(0.2, 0.8))
-        found.append((start, start + lasts, forces()))
-        start += lasts + float(rng.uniform(0.2, 0.8))
-    return found
-
-
-def _pushing(model: Any, pushes: Sequence[Push]) -> Callable[[float, Any], None]:
+def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Callable[[], Floats]) -> Act:
+    """Successive forces on the nodes [N], (n_nodes, 3), with pauses in which the body comes to rest."""
     own = model.flex_vertbodyid > 0
-    bodies = model.flex_vertbodyid[own]
-
-    def act(time_s: float, data: Any) -> None:
-        data.xfrc_applied[:] = 0.0
-        for start_s, end_s, forces in pushes:
-            if start_s <= time_s < end_s:
-                data.xfrc_applied[bodies, :3] += forces[own]
-
-    return act
+    between = (0.2, 0.8)
+    found = pushes(rng, seconds, lambda: forces()[own], first=(0.2, 0.5), lasts=between, pause=between)
+    return pushing(model.flex_vertbodyid[own], found)
 
 
 def _leading(
     rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
-) -> Callable[[float, Any], None]:
+) -> Act:
     """Springs and dashpots that pull nodes towards points that move on smooth random paths."""
     amplitude = 0.12 * float(np.ptp(grid[:, 0]))
     w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))

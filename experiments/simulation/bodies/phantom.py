@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from dynamics import MassSpringNetwork, four_mass_phantom, rest_shape
 from dynamics.phantoms.four_mass import OUTER
+from experiments.arrays import Floats
 from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale
-from experiments.simulation.bodies.simulate import compiled, motion, settled
+from experiments.simulation.bodies.simulate import compiled, motion, pushes, pushing, settled
 
 STIFFNESS_N_M = 80.0
 N_SPRINGS = 8
@@ -46,23 +46,18 @@ def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
     free = network.free
     settled(model, data, seconds=3.0, step_s=1e-3 * min(1.0, scale.oscillation), kept=0.99)
     bodies = np.array([model.body(network.names[i]).id for i in free])
-    pokes, start = [], float(rng.uniform(0.3, 1.0))
-    while start < seconds:
-        lasts, turn = float(rng.uniform(0.1, 0.5)), float(rng.uniform(0.0, 2.0 * np.pi))
-        node = network.index(str(rng.choice(OUTER)))
-        force = POKE_M_S2 * rng.uniform(0.3, 1.0) * network.masses[node] * np.array([np.cos(turn), 0.0, np.sin(turn)])
-        pokes.append((start, start + lasts, model.body(network.names[node]).id, force))
-        start += lasts + float(rng.uniform(0.5, 1.5))
 
-    def poking(time_s: float, data: Any) -> None:
-        data.xfrc_applied[:] = 0.0
-        for begin, end, body, force in pokes:
-            if begin <= time_s < end:
-                data.xfrc_applied[body, :3] += force
+    def poke() -> Floats:
+        turn, forces = float(rng.uniform(0.0, 2.0 * np.pi)), np.zeros((len(free), 3))
+        node = network.index(str(rng.choice(OUTER)))
+        strength = POKE_M_S2 * rng.uniform(0.3, 1.0) * network.masses[node]
+        forces[free == node] = strength * np.array([np.cos(turn), 0.0, np.sin(turn)])
+        return forces
 
     times = np.arange(round(FRAMES_PER_S * seconds)) / FRAMES_PER_S
     step_s = 5e-4 * min(1.0, scale.oscillation)
-    seen = motion(model, data, lambda d: d.xpos[bodies][:, [0, 2]], times_s=times, longest_s=step_s, act=poking)
+    act = pushing(bodies, pushes(rng, seconds, poke, first=(0.3, 1.0), lasts=(0.1, 0.5), pause=(0.5, 1.5)))
+    seen = motion(model, data, lambda d: d.xpos[bodies][:, [0, 2]], times_s=times, longest_s=step_s, act=act)
     places = np.tile(network.positions, (len(times), 1, 1))
     places[:, free] = seen
     return Body(network, times, places, OUTER, MARK_SD_M * scale.size, at_rest=True)

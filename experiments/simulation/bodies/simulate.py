@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.arrays import Floats
 
 Act = Callable[[float, Any], None]
 """Function of the time [s] and MuJoCo's data that sets forces or prescribed positions for the next step."""
+
+Push = tuple[float, float, Floats]
+"""Constant forces on bodies: their start [s], their end [s], and their values [N], (n_bodies, 3)."""
+
+Range = tuple[float, float]
+"""Smallest and largest value of a uniformly distributed time [s]."""
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
@@ -51,3 +58,27 @@ def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float
         data.qvel[:] *= kept
     data.qvel[:] = 0.0
     mujoco.mj_forward(model, data)
+
+
+def pushes(
+    rng: np.random.Generator, seconds: float, forces: Callable[[], Floats], *, first: Range, lasts: Range, pause: Range
+) -> list[Push]:
+    """Successive forces with random starts, durations and pauses, until a time [s]."""
+    found, start = [], float(rng.uniform(*first))
+    while start < seconds:
+        end = start + float(rng.uniform(*lasts))
+        found.append((start, end, forces()))
+        start = end + float(rng.uniform(*pause))
+    return found
+
+
+def pushing(bodies: NDArray[np.int64], found: Sequence[Push]) -> Act:
+    """The action of forces on these bodies of the model."""
+
+    def act(time_s: float, data: Any) -> None:
+        data.xfrc_applied[:] = 0.0
+        for start_s, end_s, forces in found:
+            if start_s <= time_s < end_s:
+                data.xfrc_applied[bodies, :3] += forces
+
+    return act

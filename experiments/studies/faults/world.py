@@ -27,8 +27,8 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import force_reach_m
 from experiments.formats.scenario import Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
+from experiments.simulation.film import draw
 from experiments.simulation.forces import Force, start_and_forces
-from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
 from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent

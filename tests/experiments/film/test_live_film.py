@@ -15,9 +15,8 @@ from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, Recorder
-from experiments.simulation.plane_film import film
+from experiments.simulation.film import draw_in_space, film
 from experiments.simulation.simulate import scene_of, true_motion
-from experiments.simulation.space_film import draw_in_space
 from tests.experiments.command import softaim
 from tests.experiments.in_space import breast
 from tests.experiments.rows import complaint

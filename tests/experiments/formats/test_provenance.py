@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from experiments.errors import InputError
 from experiments.formats.outputs import write_together
 from experiments.formats.provenance import content_digest, provenance_text
 from experiments.formats.scene.scene import read_scene, scene_digest, scene_text, with_step
+from tests.experiments.rows import complaint
 
 GOOD = Path(__file__).parents[1] / "good_scene.toml"
 
@@ -76,8 +76,9 @@ def test_an_interrupt_leaves_all_files_as_they_were(tmp_path: Path, monkeypatch:
 
 def test_two_outputs_are_two_files(tmp_path: Path):
     (tmp_path / "link").symlink_to(tmp_path / "one")
-    with pytest.raises(InputError, match="one: expected a different file for each output, found the same"):
-        write_together({tmp_path / "one": "a", tmp_path / "link": "b"})
+    assert "one: expected a different file for each output, found the same" in complaint(
+        write_together, {tmp_path / "one": "a", tmp_path / "link": "b"}
+    )
     assert not (tmp_path / "one").exists()
 
 
@@ -87,5 +88,4 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest
 
     (tmp_path / "notes.txt").touch()
     monkeypatch.setattr(Path, "open", refused)
-    with pytest.raises(InputError, match=r"notes\.txt: expected a file that can be read, found permission denied"):
-        content_digest(tmp_path)
+    assert "notes.txt: expected a file that can be read, found permission denied" in complaint(content_digest, tmp_path)

@@ -55,8 +55,7 @@ def test_a_fault_is_reported_in_one_line_with_row_and_column(path: Path, content
 def test_rows_are_counted_through_chunks(path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(tables, "CHUNK_ROWS", 2)
     path.write_text("a,node\n" + "1,x\n" * 5 + "no,x\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"t\.csv: row 7: a: expected a finite number"):
-        read_table(path, ["a"], ["node"])
+    assert "t.csv: row 7: a: expected a finite number" in complaint(read_table, path, ["a"], ["node"])
     path.write_text("a,node\n" + "".join(f"{k},n{k}\n" for k in range(5)), encoding="utf-8")
     table = read_table(path, ["a"], ["node"])
     np.testing.assert_array_equal(table.numbers["a"], np.arange(5.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.formats.camera_file import read_camera_toml
-from experiments.formats.camera_yaml import read_opencv_yaml, read_ros_yaml
+from experiments.formats.camera_yaml import read_lens_file
 from experiments.pipeline.calibrate import board_of, views_of
 from experiments.plots.calibration import calibration_figure
 from tests.experiments.command import softaim
@@ -46,7 +46,7 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(pictures, tmp_path, capsys
     # standard errors with 5 pictures are about 0.1 % of the focal length
     np.testing.assert_allclose(camera.lens.matrix[[0, 1], [0, 1]], LENS.matrix[[0, 1], [0, 1]], rtol=0.006)
     assert tomllib.loads(out.read_text(encoding="utf-8"))["plane_image"] == "2.png"
-    for other in (read_opencv_yaml(tmp_path / "o.yml"), read_ros_yaml(tmp_path / "r.yaml")):
+    for other in (read_lens_file(tmp_path / "o.yml"), read_lens_file(tmp_path / "r.yaml")):
         np.testing.assert_array_equal(other.lens.matrix, camera.lens.matrix)
         np.testing.assert_array_equal(other.lens.distortion, camera.lens.distortion)
     drawing = cv2.imread(str(tmp_path / "front.png"))

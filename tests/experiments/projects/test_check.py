@@ -22,7 +22,7 @@ from experiments.log import Kept
 from experiments.plain import plain
 from experiments.projects.check import SceneCheck, _seen, checked
 from experiments.projects.report import check_lines, check_report, missing
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from tests.experiments.command import softaim
 from tests.experiments.in_space import breast
 from vision import Lighting, VideoWriter, fronto_parallel_camera

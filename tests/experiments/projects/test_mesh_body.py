@@ -82,7 +82,10 @@ def test_marks_lie_apart_on_the_free_surface_and_the_target_inside(tmp_path: Pat
 
 
 def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: Path, body: Path) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--region", "1=fat", "--region", "2=gland")
+    scene = made(
+        tmp_path / "made", body, "--marks", 6, "--region", "1=fat", "--region", "2=gland", "--fixed", "faces 5"
+    )
+    assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
     assert scene.mesh.tissues == (TISSUES["fat"], TISSUES["gland"])
     truth = usable_scene(tmp_path / "made" / "truth" / "scene.toml")
     np.testing.assert_array_equal(truth.network.positions, scene.network.positions)
@@ -93,17 +96,11 @@ def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: P
 
 
 def test_a_field_makes_four_mixtures_and_labelled_faces_hold_it(tmp_path: Path, body: Path) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity", "--fixed", "faces 5")
+    scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity", "--fixed", "faces part=1")
     names = [tissue.name for tissue in scene.mesh.tissues]
     assert names == ["gland 0-25", "gland 25-50", "gland 50-75", "gland 75-100"]
     densities = [tissue.density_kg_m3 for tissue in scene.mesh.tissues]
     np.testing.assert_allclose(densities, 911.0 + (np.arange(4) + 0.5) / 4.0 * 130.0)
-    assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
-    assert scene.network.fixed.any()
-
-
-def test_faces_of_a_named_field_hold_it(tmp_path: Path, body: Path) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", "faces part=1")
     assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
     assert scene.network.fixed.any()
 

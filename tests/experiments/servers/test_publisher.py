@@ -15,7 +15,7 @@ from experiments.servers import publisher
 from experiments.servers.commands import read_command
 from experiments.servers.message import nis_band
 from experiments.servers.publisher import Shows, do
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, NeedleMotion, sliding_friction
+from dynamics import HIDDEN, sliding_friction
 from estimators import compliance, normalised_error_squared
 from experiments.formats.needle_file import NeedleForces
 from experiments.formats.scenario import read_scenario
@@ -72,7 +72,7 @@ def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath()
     """
     world = world_of(replace(case("breathing"), seed=5002, frames_per_s=15.0, patience_s=3.0))
     state, _, warm = warmed(world)
-    policy, away = Ahead(world, warm), NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    policy = Ahead(world, warm)
     nothing, truth, now, said = np.zeros((2, len(world.network.free), 2)), [], [], []
     first = round(world.case.warm_s * 15)
     for k in range(first, first + 36):
@@ -81,7 +81,7 @@ def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath()
         now.append(np.linalg.norm(policy.estimate.mean - truth[-1]))
         if (k - first) % 3 == 0:
             said.append(policy.density_at(world.frame_s(k + 6), nothing))
-        state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
+        state = world.untouched(state, k)
     assert np.std(truth, axis=0).max() > 7e-3
     assert np.mean([one.weights[0] for one in said]) > 0.9
     there = np.array(truth[6::3])

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynamics import NeedleMotion
 from estimators import TissueFilter, breathing_ahead, compliance
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
@@ -117,7 +116,6 @@ def test_a_fix_moves_the_offset_of_the_target_and_not_its_motion(tmp_path: Path)
         assert 3e-3 < np.sqrt(np.trace(cov) / 3.0) < 4e-3
     model, tissue, now = ahead._breathing, ahead.tissue, warm.estimate.time_s
     times, first = now + np.array([0.1, 0.5]), round(now * world.case.frames_per_s) + 1
-    away = NeedleMotion(world.entry, np.zeros(3), world.case.plan.insertion.axis, -1.0)
     before, offset, held = breathing_ahead(model, tissue, times)[0], tissue.offset_mean, model.holds(times)
     tissue.fix(warm.estimate.mean + np.array([4e-3, 0.0, 0.0]), 1e-8 * np.eye(3))
     moved = tissue.offset_mean - offset
@@ -128,7 +126,7 @@ def test_a_fix_moves_the_offset_of_the_target_and_not_its_motion(tmp_path: Path)
     np.testing.assert_allclose(predicted.means[0], after[1], atol=1e-9)
     for k in range(first, first + 10):
         ahead.see(world.frame_s(k), world.marks(k, state), None)
-        state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
+        state = world.untouched(state, k)
     assert (model.holds(times + 1.0) > held - 0.05).all()
     np.testing.assert_allclose(model.predict(times)[0] + offset, before, atol=1e-4)
 
@@ -140,14 +138,13 @@ def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> 
     given, plan = one.given, one.plan
     own = given.network, given.target.point, given.measured_nodes, given.settings
     tissue = TissueFilter(*own, uncertainty=given.uncertainty)
-    away = NeedleMotion(world.entry, np.zeros(3), plan.insertion.axis, -1.0)
     live, state = LiveAdvice(plan, tissue, tmp_path / "advice.csv"), world.start
     for k in range(140):
         now = world.frame_s(k)
         tissue.predict(now)
         estimate = tissue.update(world.marks(k, state))
         live.seen(tissue, estimate, now, "not asked")
-        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), False)
+        state = world.untouched(state, k)
         if k == 125:
             assert live._breath.model.breath() is not None
             offset = tissue.offset_mean

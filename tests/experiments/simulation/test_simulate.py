@@ -1,6 +1,5 @@
 """The truth of a scenario against independent integration of its equations, and the film against the truth."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,10 @@ from scipy.integrate import solve_ivp
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack, plain_derivative, unpack
 from experiments.errors import InputError
-from experiments.formats.scenario import Scenario, read_scenario
+from experiments.formats.scenario import read_scenario
 from experiments.formats.scenario_forces import Pokes, Release, Tremor
+from experiments.simulation.film import film
 from experiments.simulation.forces import poke_force, tremor_force
-from experiments.simulation.plane_film import film
 from experiments.simulation.simulate import exposures, scene_of, simulate, true_motion
 
 NETWORK = four_mass_phantom()
@@ -23,47 +22,31 @@ POKES = Pokes(nodes=["M1", "M4"], acceleration_m_s2=10.0, shortest_s=0.1, longes
 PUSHED = STILL.model_copy(update={"pokes": POKES, "frame_interval_s": 0.05})
 
 
-def moved(scenario: Scenario, seed: int = 0) -> np.ndarray:
-    """Positions of the free nodes [m], (n_frames, n_free, 2)."""
-    return true_motion(NETWORK, scenario, np.random.default_rng(seed)).positions
+def solved(network, start, times_s, *, method: str, rtol: float, force=None, max_step: float = np.inf) -> np.ndarray:
+    """Positions [m], (n_times, n_free, dim), by SciPy of the plain NumPy equations, from rest at the start.
 
-
-def reference(
-    start: np.ndarray, times: np.ndarray, force: Callable[[float], np.ndarray], max_step: float
-) -> np.ndarray:
-    """States by SciPy's implicit Radau of the plain NumPy equations, started at rest at these positions."""
-    by_mass = 1.0 / NETWORK.masses[FREE, None]
+    force: force on the free nodes at a time, (n_free, dim)
+    """
+    nothing = np.zeros_like(start)
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:
-        pushed = force(t) * by_mass
-        return plain_derivative(NETWORK, state) + pack(np.zeros_like(pushed), pushed)
+        pushed = nothing if force is None else force(t) / network.masses[network.free, None]
+        return plain_derivative(network, state) + pack(nothing, pushed)
 
-    state = pack(start, np.zeros_like(start))
-    solved = solve_ivp(
-        rate, (times[0], times[-1]), state, method="Radau", t_eval=times, rtol=1e-8, atol=1e-10, max_step=max_step
-    )
-    assert solved.success
-    return solved.y.T
+    options = {"method": method, "t_eval": times_s, "rtol": rtol, "atol": 1e-10, "max_step": max_step}
+    done = solve_ivp(rate, (times_s[0], times_s[-1]), pack(start, nothing), **options)
+    assert done.success
+    return unpack(done.y.T, network.dim)[0]
 
 
 def test_pokes_move_the_phantom_by_newtons_law():
     """The same pokes given to Radau: positions to 1e-5 m, both integrators stepping over the pokes' ends."""
-    times, positions = exposures(PUSHED), moved(PUSHED, seed=5)
+    times, positions = exposures(PUSHED), true_motion(NETWORK, PUSHED, np.random.default_rng(5)).positions
     force = poke_force(NETWORK, PUSHED.pokes, PUSHED.duration_s, np.random.default_rng(5))
     assert np.abs(positions - positions[0]).max() > 0.01
-    states = reference(NETWORK.positions[FREE], times, force, 1 / 120)
-    np.testing.assert_allclose(positions, unpack(states, 2)[0], rtol=0, atol=1e-5)
-
-
-def test_nothing_moves_where_nothing_acts():
-    """Rest shapes balance to 1e-9 of the springs' forces: 1e-8 m in a second."""
-    np.testing.assert_allclose(moved(STILL), np.broadcast_to(NETWORK.positions[FREE], (30, 4, 2)), rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize(("duration_s", "interval_s", "n"), [(2.0, 0.5, 4), (2.1, 0.5, 5), (1.0, 1 / 30, 30)])
-def test_exposures_are_evenly_spaced_from_zero(duration_s: float, interval_s: float, n: int):
-    times = exposures(STILL.model_copy(update={"duration_s": duration_s, "frame_interval_s": interval_s}))
-    np.testing.assert_allclose(times, interval_s * np.arange(n), rtol=0, atol=1e-12)
+    options = {"method": "Radau", "rtol": 1e-8, "max_step": 1 / 120}
+    expected = solved(NETWORK, NETWORK.positions[FREE], times, force=force, **options)
+    np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5)
 
 
 def test_pokes_push_one_outer_node_at_a_time_as_hard_as_was_said():

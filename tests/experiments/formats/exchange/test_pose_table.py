@@ -8,7 +8,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
-from tests.experiments.rows import rows
+from tests.experiments.rows import complaint, rows
 
 PARTS = ("nose", "left.ear")
 PLACES = np.array([[[1.5, 2.5], [30.0, 40.0]], [[2.0, 3.0], [np.nan, np.nan]], [[2.5, 3.5], [31.0, 41.0]]])
@@ -47,8 +47,7 @@ def test_sleap_in_any_order_of_rows(tmp_path: Path, order: list[int]) -> None:
 
 def test_two_animals_are_refused(tmp_path: Path) -> None:
     path = sleap(tmp_path / "poses.csv", [3, 4, 4], [0, 1, 2])
-    with pytest.raises(InputError, match=r"row 4: frame_idx: expected each frame once: a table of one animal, found 4"):
-        read_poses(path)
+    assert "row 4: frame_idx: expected each frame once: a table of one animal, found 4" in complaint(read_poses, path)
 
 
 def several(path: Path, animals: dict[str, float]) -> Path:
@@ -77,10 +76,10 @@ def test_one_of_several_animals(tmp_path: Path, animals: dict[str, float], indiv
 def test_an_animal_that_is_not_named_is_asked_for(tmp_path: Path, individual: str | None) -> None:
     path = several(tmp_path / "poses.csv", {"rat": 9.0, "mouse": 0.0})
     found = f'"{individual}"' if individual else "none"
-    with pytest.raises(InputError, match=f'--individual: expected one of "rat", "mouse", found {found}'):
-        read_poses(path, individual)
-    with pytest.raises(InputError, match='--individual: expected no name for a table of one animal, found "rat"'):
-        read_poses(sleap(path, [3, 4, 7], [0, 1, 2]), "rat")
+    assert f'--individual: expected one of "rat", "mouse", found {found}' in complaint(read_poses, path, individual)
+    assert '--individual: expected no name for a table of one animal, found "rat"' in complaint(
+        read_poses, sleap(path, [3, 4, 7], [0, 1, 2]), "rat"
+    )
 
 
 def test_one_of_several_tracks(tmp_path: Path) -> None:
@@ -90,8 +89,7 @@ def test_one_of_several_tracks(tmp_path: Path) -> None:
     other = table.assign(track="right", **{"nose.x": 99.0})
     pd.concat([other, table]).to_csv(path, index=False)
     check(read_poses(path, "left"), [3, 4, 7])
-    with pytest.raises(InputError, match='--individual: expected one of "right", "left", found none'):
-        read_poses(path)
+    assert '--individual: expected one of "right", "left", found none' in complaint(read_poses, path)
     table.assign(track=["left", "left", "right"]).to_csv(path, index=False)
     check(read_poses(path), [3, 4, 7])
 

@@ -19,20 +19,16 @@ HEADER = "time_s,status,x_mm,y_mm,nis,marks_used,model_only,nees"
 FLAT = f"{HEADER}\n0.5,TRACKING,1.25,-2,0.5,3,False,inf\n0.75,COASTING,1.5,-2,,0,True,\n"
 
 
-@pytest.fixture
-def tracked(here: Path, without_pictures: None, capfd: pytest.CaptureFixture[str]) -> Path:
-    """What `softaim track` writes of three frames, in the folder track of the working directory."""
-    assert softaim("track", "marks", "--out", "track") == 0
-    return here / "track"
-
-
 def blocks() -> list[str]:
     """The lines of Python of the page."""
     return re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
 
 
-def test_the_lines_of_the_page_read_what_track_writes(tracked: Path) -> None:
-    """Each number of the files is found where the page says, by both ways alike."""
+@pytest.mark.usefixtures("without_pictures")
+def test_the_lines_of_the_page_read_what_track_writes(here: Path) -> None:
+    """Each number of the files is found where the page says, by both ways alike; marks that are there, too."""
+    tracked = here / "track"
+    assert softaim("track", "marks", "--out", "track") == 0
     names: dict[str, Any] = {}
     of_softaim, of_pandas = blocks()
     exec(of_softaim, names)
@@ -55,9 +51,6 @@ def test_the_lines_of_the_page_read_what_track_writes(tracked: Path) -> None:
     assert found.summary == json.loads((tracked / "summary.json").read_text(encoding="utf-8"))
     assert found.summary["filter"]["frames"] == 3
     assert found.marks is None
-
-
-def test_marks_that_are_there_are_read(tracked: Path) -> None:
     shutil.copy("marks/marks.csv", tracked)
     marks = read_result(tracked).marks
     assert list(marks.columns) == ["node", "x_mm", "y_mm", "sd_mm"]

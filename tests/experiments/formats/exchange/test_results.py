@@ -12,6 +12,7 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.exchange.results import read_advice, read_estimates
 from experiments.formats.outputs import table_text
 from experiments.formats.tables import write_table
+from tests.experiments.rows import complaint
 
 EXPOSURES_S = 33763.60965430567 + np.arange(4) / 30
 
@@ -63,8 +64,7 @@ def test_a_line_that_was_being_written_is_left_out(tmp_path: Path) -> None:
 
 def test_a_row_must_say_when(tmp_path: Path) -> None:
     (tmp_path / "advice.csv").write_text("time_s,advice,reason\n1,GO,x\n,GO,x\n")
-    with pytest.raises(InputError, match=r"row 3: time_s: expected a finite number, found nan"):
-        read_advice(tmp_path, EXPOSURES_S)
+    assert "row 3: time_s: expected a finite number, found nan" in complaint(read_advice, tmp_path, EXPOSURES_S)
 
 
 def test_estimates_in_space_are_not_of_a_flat_scene(tmp_path: Path) -> None:

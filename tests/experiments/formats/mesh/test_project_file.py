@@ -11,8 +11,7 @@ from dynamics.elements import continuum_network
 from dynamics.mesh import Tissue
 from experiments.errors import InputError
 from experiments.formats.mesh.body import tetrahedra
-from experiments.formats.mesh.held import held
-from experiments.formats.mesh.project_file import ProjectMesh, mesh_content, mesh_of
+from experiments.formats.mesh.project_file import ProjectMesh, held, mesh_content, mesh_of
 from experiments.formats.mesh.reduced import reduced
 from tests.experiments.formats.mesh.shapes import box
 
@@ -114,7 +113,7 @@ def test_the_cache_has_the_same_network(made: Reduced) -> None:
 
 def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: Reduced, tmp_path: Path) -> None:
     made()
-    (file,) = tmp_path.rglob("*.npz")
+    (file,) = tmp_path.rglob("*.pickle")
     file.write_bytes(file.read_bytes()[:-9])
     made()
     made()

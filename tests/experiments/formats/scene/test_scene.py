@@ -8,7 +8,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dynamics import MassSpringNetwork, four_mass_phantom
-from experiments.errors import InputError
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
 from vision import PlaneCamera
 
@@ -42,11 +41,6 @@ def test_reads_every_key_in_si_units(path: Path):
     assert (camera.name, camera.size_px, camera.calibration_sd_px) == ("front", (640, 480), 0.2)
     # the homography of the file is from mm: (-200, 200) mm is 0.8 px/mm from (319.5, 391.5) px
     np.testing.assert_allclose(camera.project([[-0.2, 0.2]]), [[159.5, 231.5]], rtol=0, atol=1e-9)
-
-
-def test_a_byte_order_mark_and_windows_line_ends_are_let_be(path: Path):
-    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
-    assert read_scene(path).network.n_nodes == 3
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
@@ -129,10 +123,3 @@ def test_a_scene_is_written_as_a_person_would(path: Path):
     assert "diameter_mm = 0.3" in lines
     assert "position_mm = [0.0, 0.0]" in lines
     assert not [line for line in lines if "e-" in line]
-
-
-def test_nothing_is_written_where_the_folder_is_missing(tmp_path: Path):
-    scene = Scene(four_mass_phantom(), (Mark("M1", 0.0, 0.03),), Target("M2", 0.005), ())
-    with pytest.raises(InputError, match="expected a file that can be written, found no such file or directory"):
-        write_scene(scene, tmp_path / "none" / "scene.toml")
-    assert list(tmp_path.iterdir()) == []

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from dynamics import four_mass_phantom
-from experiments.errors import InputError
-from experiments.formats.scene.scene import Mark, Scene, SceneError, Target, read_scene
-from tests.experiments.rows import complaint, rows
+from experiments.formats.scene.scene import read_scene
+from tests.experiments.rows import complaint, rows, spoilt
 
 GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
 
@@ -96,11 +94,9 @@ OTHERS = [
 
 @pytest.mark.parametrize(("old", "new", "message"), [*rows(BAD), *OTHERS])
 def test_a_fault_is_reported_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
-    assert GOOD.count(old) >= 1
-    path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    reported = complaint(read_scene, path)
-    assert reported.startswith(f"{path}: {message}")
-    assert len(reported) < len(str(path)) + 200
+    reported = spoilt(read_scene, path, GOOD, old, new)
+    assert reported.startswith(message)
+    assert len(reported) < 200
 
 
 def test_a_plane_camera_before_a_scene_in_space_is_refused(path: Path):
@@ -111,28 +107,17 @@ def test_a_plane_camera_before_a_scene_in_space_is_refused(path: Path):
         .replace("position_mm = [0.0, 0.0]", "position_mm = [0.0, 0.0, 0.0]")
     )
     path.write_text(in_space, encoding="utf-8")
-    with pytest.raises(InputError, match=r"camera\[0\]\.plane_to_px: expected a flat scene, found a network in space"):
-        read_scene(path)
+    assert "camera[0].plane_to_px: expected a flat scene, found a network in space" in complaint(read_scene, path)
     path.write_text(in_space[: in_space.index("[[camera]]")], encoding="utf-8")
     assert read_scene(path).network.dim == 3
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path):
-    with pytest.raises(InputError, match=r"none\.toml: expected a file, found none$"):
-        read_scene(tmp_path / "none.toml")
-    with pytest.raises(InputError, match=r"expected a file, found a folder$"):
-        read_scene(tmp_path)
+    assert complaint(read_scene, tmp_path / "none.toml").endswith("none.toml: expected a file, found none")
+    assert complaint(read_scene, tmp_path).endswith("expected a file, found a folder")
     latin = tmp_path / "latin.toml"
     latin.write_bytes(GOOD.replace('"M2"', '"Mü"', 1).encode("latin-1"))
-    with pytest.raises(InputError, match=r"latin\.toml: line 10: expected UTF-8 text, found byte 0xfc$"):
-        read_scene(latin)
+    assert complaint(read_scene, latin).endswith("latin.toml: line 10: expected UTF-8 text, found byte 0xfc")
     empty = tmp_path / "empty.toml"
     empty.touch()
-    with pytest.raises(InputError, match=r"empty\.toml: version: expected 1, found none$"):
-        read_scene(empty)
-
-
-def test_a_scene_that_does_not_fit_together_cannot_be_made():
-    network = four_mass_phantom()
-    with pytest.raises(SceneError, match=r'^mark\[0\]\.node: no node named "M9"; nodes: M1, M2, M3, M4, In1, …$'):
-        Scene(network, (Mark("M9", 0.0, 0.03),), Target("M2", 0.005), ())
+    assert complaint(read_scene, empty).endswith("empty.toml: version: expected 1, found none")

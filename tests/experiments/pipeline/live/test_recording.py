@@ -21,7 +21,7 @@ from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.live.recording import WAITING, LiveRecording
 from experiments.pipeline.live.replaying import Replayed, replay
 from experiments.pipeline.live.session import Session
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked
 from tests.experiments.pipeline.tables import measured

@@ -15,7 +15,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import EventKind, Frame, SourceEvent

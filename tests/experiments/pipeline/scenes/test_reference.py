@@ -13,7 +13,7 @@ from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark, reference_places
 from experiments.pipeline.events import report_move
 from experiments.pipeline.line import FILTER, Line
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.seen_marks import Truth, seen_marks
 from experiments.simulation.simulate import scene_of, true_motion
 

@@ -19,8 +19,8 @@ from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.sight.camera import CameraPose
 from experiments.projects.check import checked
+from experiments.simulation.film import draw_in_space
 from experiments.simulation.simulate import true_motion
-from experiments.simulation.space_film import draw_in_space
 from tests.experiments.command import softaim
 from tests.experiments.in_space import breast
 from tests.experiments.pipeline.sight.test_space import SCENARIO, recorded

@@ -21,7 +21,7 @@ from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.plan import planned
 from experiments.pipeline.track import Track, each_frame, figures, track
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.tables import near, write_recording
 from tests.experiments.webcam import coarse_webcam

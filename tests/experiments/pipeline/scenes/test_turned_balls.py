@@ -6,7 +6,7 @@ import pytest
 from experiments.film.taken import kinds_of
 from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.line import Line
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from tests.networks import build_network
 from vision import Disc, Lighting, PlaneCamera, draw_frame
 

@@ -17,8 +17,8 @@ from experiments.pipeline.identify import check_shown
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.sight.camera import AGAIN, PATIENCE
 from experiments.pipeline.sight.space import SpaceSight
+from experiments.simulation.film import draw_in_space
 from experiments.simulation.simulate import simulate
-from experiments.simulation.space_film import draw_in_space
 from tests.experiments.command import softaim
 from tests.experiments.in_space import breast, dome
 from tests.vision.cameras.test_space_camera import camera_at
