@@ -1,4 +1,4 @@
-"""A file for each subcommand, registered in `app.py`.
+"""A function for each subcommand, in a file for each kind of task, registered in `app.py`.
 
 Options, calls and printing belong here. Functions import what they need when they run, so that help appears at once.
 """

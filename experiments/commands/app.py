@@ -11,30 +11,13 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from experiments.commands.assess.bench import bench
-from experiments.commands.assess.demo import demo
-from experiments.commands.assess.faults import faults
-from experiments.commands.assess.sweep import sweep
-from experiments.commands.estimate.compare import compare
-from experiments.commands.estimate.identify import identify
-from experiments.commands.estimate.live import live
-from experiments.commands.estimate.replay import replay
-from experiments.commands.estimate.smooth import smooth
-from experiments.commands.estimate.track import track
-from experiments.commands.estimate.tune import tune
-from experiments.commands.exchange.export import export
-from experiments.commands.exchange.import_table import import_table
+from experiments.commands.assess import bench, demo, faults, sweep
+from experiments.commands.cameras import calibrate, hue, record
+from experiments.commands.estimate import compare, identify, live, replay, smooth, track, tune
+from experiments.commands.exchange import export, import_table
 from experiments.commands.faults import one_line, refused
-from experiments.commands.guide.advise import advise
-from experiments.commands.guide.insert import insert
-from experiments.commands.guide.plan import plan
-from experiments.commands.prepare.calibrate import calibrate
-from experiments.commands.prepare.check import check
-from experiments.commands.prepare.hue import hue
-from experiments.commands.prepare.new import new
-from experiments.commands.prepare.record import record
-from experiments.commands.prepare.register import register
-from experiments.commands.prepare.simulate import simulate
+from experiments.commands.guide import advise, insert, plan
+from experiments.commands.prepare import check, new, register, simulate
 from experiments.commands.run import subcommand
 from experiments.errors import InputError
 from experiments.interrupts import as_interrupts, terminations

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from experiments.commands.options import AsJson, Verbose
-from experiments.commands.terminal import print_table, progress
+from experiments.engine.progress import progress
 from experiments.errors import InputError, shown
 from experiments.log import LOG, SHOWN, Kept
 from experiments.plain import plain
@@ -211,7 +211,7 @@ class Run:
         return provenance_text(self.command, self.arguments, program(), times, read, self._scene, tuple(self._left_out))
 
 
-def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
+def subcommand(command: Callable[..., Answer]) -> Callable[..., None]:
     """The function that typer calls: it passes `run`, adds --json and --verbose, and prints the command's answer."""
     import typer
 
@@ -227,14 +227,9 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
     def called(context: typer.Context, *, verbose: bool, as_json: bool, **options: Any) -> None:
         given = _given(context)
         _check_names(given)
-        with _logged(name, verbose, given) as run:
-            if "run" in signature.parameters:
-                options["run"] = run
-            # with --json, standard output has only the object
-            with redirect_stdout(sys.stderr if as_json else sys.stdout):
-                answer = command(**options)
-        if answer is None:
-            return
+        # with --json, standard output has only the object
+        with _logged(name, verbose, given) as run, redirect_stdout(sys.stderr if as_json else sys.stdout):
+            answer = command(run, **options)
         if as_json:
             print(json.dumps(plain(answer.record), indent=2, ensure_ascii=False, allow_nan=False))
         else:
@@ -298,3 +293,11 @@ def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
     """The arguments without user names and passwords in addresses of streams."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)
+
+
+def print_table(table: object) -> None:
+    """Print a rich table to standard output."""
+    from rich.console import Console
+
+    # without markup: it would hide units in brackets
+    Console(width=None if sys.stdout.isatty() else 110, markup=False).print(table)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import logging
 import multiprocessing
 import os
@@ -76,24 +75,6 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
     if n_runs >= FEW_RUNS and not installed:
         sys.stderr.write(f"softaim: one core is used; for all of them: {needed('cluster')}\n")
     return ALL_CORES if n_runs >= FEW_RUNS and installed else OWN_PROCESS
-
-
-def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--processes` and `--scheduler` to the options of a study."""
-    parser.add_argument("--processes", type=one_or_more, help="on this machine; default: one for each core")
-    parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
-
-
-def one_or_more(text: str) -> int:
-    """The number in an option's text. Raises ArgumentTypeError unless it is a whole number of 1 or more."""
-    if not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f"expected 1 or more, found {text}")
-    return int(text)
-
-
-def chosen_workers(chosen: argparse.Namespace) -> Workers:
-    """The workers chosen by the options of `add_worker_options`."""
-    return Workers(chosen.processes, chosen.scheduler)
 
 
 @contextmanager

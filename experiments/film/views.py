@@ -166,32 +166,26 @@ def _marks(scene: Scene, step: Step, view: View) -> tuple[MarkDrawn, ...]:
 
 def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, view: View) -> MarkDrawn:
     expected = None if step.sight is None else step.sight.expected.get(mark.node)
+    lost = None if step.sight is None else step.sight.lost.get(mark.node)
     expected_px, expected_cov_px2 = (None, None) if expected is None else view.seen(*expected)
+    center_px, cov_px2 = (None, None) if seen is None else view.seen(seen.position, seen.total_cov)
     if seen is None:
-        one = None if step.sight is None else step.sight.lost.get(mark.node)
-        return MarkDrawn(
-            mark.node,
-            mark.hue_deg,
-            Fate.LOST,
-            np.zeros((2, 2)) if expected is None else view.mark_shape(mark, expected[0]),
-            expected_px=expected_px,
-            expected_cov_px2=expected_cov_px2,
-            candidate_px=None if one is None else one.candidate_px,
-            why=lost_words(scene, mark.node, one),
-            measured=mark.measured,
-        )
-    center_px, cov_px2 = view.seen(seen.position, seen.total_cov)
-    refused = mark.node in step.refused
+        fate, why, place = Fate.LOST, lost_words(scene, mark.node, lost), None if expected is None else expected[0]
+    elif mark.node in step.refused:
+        fate, why, place = Fate.REFUSED, "" if expected is None else refused_words(seen, *expected), seen.position
+    else:
+        fate, why, place = Fate.FOUND, "", seen.position
     return MarkDrawn(
         mark.node,
         mark.hue_deg,
-        Fate.REFUSED if refused else Fate.FOUND,
-        view.mark_shape(mark, seen.position),
+        fate,
+        np.zeros((2, 2)) if place is None else view.mark_shape(mark, place),
         center_px,
         cov_px2,
         expected_px,
         expected_cov_px2,
-        why=refused_words(seen, *expected) if refused and expected is not None else "",
+        candidate_px=lost.candidate_px if seen is None and lost is not None else None,
+        why=why,
         measured=mark.measured,
     )
 

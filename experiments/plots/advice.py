@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,8 +18,7 @@ from experiments.arrays import Floats
 from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.advise import Advised, table
 from experiments.plain import counted
-from experiments.plots.bands import draw_bands, spans_of
-from experiments.plots.limits import highest, mark_beyond, thinned
+from experiments.plots.series import draw_bands, highest, mark_beyond, spans_of, thinned
 from experiments.plots.space import (
     N_FACES,
     NEEDLE_KEYS,
@@ -46,7 +44,6 @@ from experiments.plots.style import (
     new_figure,
     span,
     styled,
-    write_picture,
 )
 
 if TYPE_CHECKING:
@@ -75,11 +72,6 @@ OBSERVED = "observed: share of needles with random errors of tip and push that h
 """Legend entry of the observed hits: the true path is fixed, tip and push are random, so some of the needles hit."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
-
-
-def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) -> None:
-    """Draw advice.png into an existing folder; vector: "pdf" or "svg" for a vector file beside it."""
-    write_picture(advice_figure(done), folder / "advice.png", vector)
 
 
 @styled

@@ -5,8 +5,6 @@ Without truth, the distance of each method from the filter replaces the error.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,13 +15,8 @@ from experiments.pipeline.compare import methods_of
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, table
 from experiments.plain import counted
-from experiments.plots.limits import body_size, highest, mark_beyond, thinned
-from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_below, span, styled, write_picture
-
-
-def write_comparison_plot(done: Track, folder: Path, vector: str | None = None) -> None:
-    """Draw compare.png into an existing folder; vector: "pdf" or "svg" for a vector file beside it."""
-    write_picture(comparison_figure(done), folder / "compare.png", vector)
+from experiments.plots.series import body_size, highest, mark_beyond, thinned
+from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_below, span, styled
 
 
 @styled

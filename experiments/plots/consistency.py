@@ -17,8 +17,7 @@ from experiments.pipeline.line import FILTER
 from experiments.pipeline.scores.fit import Withheld, fit_of
 from experiments.pipeline.track import Track, table
 from experiments.plain import counted
-from experiments.plots.bands import STATUS_COLOURS, draw_bands
-from experiments.plots.limits import N_DRAWN, mark_beyond
+from experiments.plots.series import N_DRAWN, STATUS_COLOURS, draw_bands, mark_beyond
 from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, grid_figure, legend_below, span, styled
 
 N_BINS = 8

@@ -17,8 +17,18 @@ from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.scores.fit import MISSED
 from experiments.pipeline.track import Track
 from experiments.plain import counted
-from experiments.plots.limits import FAR, N_DRAWN, body_box, body_size, outside, widened, within
-from experiments.plots.motion import AROUND, draw_motion, means_mm
+from experiments.plots.series import (
+    AROUND,
+    FAR,
+    N_DRAWN,
+    body_box,
+    body_size,
+    draw_motion,
+    means_mm,
+    outside,
+    widened,
+    within,
+)
 from experiments.plots.space import N_FACES, TARGET_KEYS, View, close_up, draw_body, draw_target, keys, two_views
 from experiments.plots.style import (
     HALO,

@@ -1,6 +1,6 @@
 """The plots of a track: path of the target, error or motion over time, and consistency of the covariance.
 
-The body's size determines the limits of the axes (`limits.py`). Estimates outside are marked at the edge and counted.
+The body's size determines the limits of the axes (`series.py`). Estimates outside are marked at the edge and counted.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import Track
 from experiments.plots.consistency import consistency_figure, sigma_figure, withheld_figure
-from experiments.plots.limits import body_size, highest
-from experiments.plots.motion import draw_motion, draw_over_time, means_mm, sigma_mm
 from experiments.plots.path import path_figure
+from experiments.plots.series import body_size, draw_motion, draw_over_time, highest, means_mm, sigma_mm
 from experiments.plots.style import PAGE_MM, TRUE, grid_figure, legend_below, span, styled, write_picture
 
 ERROR_TITLE, MOTION_TITLE = "error of the hidden target", "the hidden target"

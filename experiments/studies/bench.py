@@ -65,6 +65,8 @@ from estimators import (
 )
 from estimators.core.moments import add_noise
 from experiments.arrays import Floats
+from experiments.engine.executor import results
+from experiments.engine.workers import OWN_PROCESS
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
@@ -85,11 +87,8 @@ SUB_STEPS = 4
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     """Run all benchmarks; returns their figures by name: median times [ms], and ratios of such times."""
-    report: Report = {}
-    for name, (done, work) in BENCHMARKS.items():
-        report[name] = work()
-        advance(done)
-    return report
+    figures = results(lambda name: BENCHMARKS[name](), list(BENCHMARKS), OWN_PROCESS, advance)
+    return dict(zip(BENCHMARKS, figures, strict=True))
 
 
 def repeated_ms(work: Callable[[], object], repeats: int) -> float:
@@ -310,15 +309,15 @@ def _filmed_webcam(n_frames: int) -> tuple[Scene, list[float], list[Image]]:
     return scene, truth.times_s.tolist(), list(film(scenario, scene, truth, rng))
 
 
-BENCHMARKS: dict[str, tuple[float, Callable[[], dict[str, float] | list[dict[str, float]]]]] = {
-    "filter_step": (0.4, filter_step),
-    "full_step": (0.45, full_step),
-    "bodies": (0.5, bodies),
-    "advice": (0.6, advice),
-    "recording": (0.65, recording),
-    "detect": (0.7, detect),
-    "scaling": (0.85, scaling),
-    "loop_640x480": (0.9, loop_640x480),
-    "film_640x480": (1.0, lambda: film_640x480(*_filmed_webcam(60))),
+BENCHMARKS: dict[str, Callable[[], dict[str, float] | list[dict[str, float]]]] = {
+    "filter_step": filter_step,
+    "full_step": full_step,
+    "bodies": bodies,
+    "advice": advice,
+    "recording": recording,
+    "detect": detect,
+    "scaling": scaling,
+    "loop_640x480": loop_640x480,
+    "film_640x480": lambda: film_640x480(*_filmed_webcam(60)),
 }
-"""Benchmarks by name, each with the share of all work that is completed after it."""
+"""Benchmarks by name."""

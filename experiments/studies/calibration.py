@@ -23,9 +23,8 @@ import numpy as np
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
-from experiments.engine.workers import chosen_workers
 from experiments.studies.estimation.trials import EXACTLY, Trial, passed, seen
-from experiments.studies.grid import add_seeds, print_figures, runs_of, seeds_of, study_options
+from experiments.studies.grid import print_figures, runs_of, seeds_of, study_options
 from vision import Lens, PlaneCamera, Pose, posed_camera
 
 MARK_SD_M = 0.0005
@@ -105,13 +104,12 @@ def figures(runs: list[Run], name: str) -> dict[str, float]:
 
 def main() -> None:
     """Print the table."""
-    parser = study_options(__doc__, out=False)
-    add_seeds(parser, 100, 7000, runs="--runs")
+    parser = study_options(__doc__, out=False, seeds=(100, 7000), runs="--runs")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
             work = partial(run, case=case, cache=Path(folder))
-            runs = runs_of(work, seeds_of(given), chosen_workers(given))
+            runs = runs_of(work, seeds_of(given), given)
             for name in FILTERS:
                 label = f"{case[0]:6} {case[1]:6} {1e3 * case[2]:g} mm  {name:15} "
                 print_figures(label, figures(runs, name))

@@ -11,14 +11,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from experiments.engine.executor import results
-from experiments.engine.progress import run_bar
+from experiments.engine.progress import progress
 from experiments.engine.runs import Case, Work
-from experiments.engine.study import run_study
-from experiments.engine.workers import Workers, add_worker_options, one_or_more
+from experiments.engine.study import Study, run_study
+from experiments.engine.workers import Workers, workers_for
 from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
 from experiments.formats.page import rewrite_page
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -31,11 +30,14 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
-def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
+def study_options(
+    doc: str | None, *, out: bool = True, page: str = "", seeds: tuple[int, int] | None = None, runs: str = "--seeds"
+) -> argparse.ArgumentParser:
     """Parser of a study's options.
 
     doc: docstring of the study's module; its first line becomes the description
     out: whether the option --out is added; page: page of docs/ whose tables --page rewrites, empty for none
+    seeds: default number of runs of each case, and default first seed; runs: name of the option for this number
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -45,20 +47,25 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
     if page:
         own = DOCS / page
         parser.add_argument("--page", action="store_const", const=own, help=f"rewrite the tables of docs/{page}")
-    add_worker_options(parser)
+    if seeds is not None:
+        n, first = seeds
+        words = "runs of each case; default: %(default)s"
+        parser.add_argument(runs, dest="n_seeds", type=one_or_more, default=n, help=words)
+        parser.add_argument("--first-seed", type=int, default=first, help="first seed; default: %(default)s")
+    parser.add_argument("--processes", type=one_or_more, help="on this machine; default: one for each core")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
     return parser
 
 
-def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
-    """Add the options that `seeds_of` reads: the number of seeds, and `--first-seed`; runs: name of the former."""
-    parser.add_argument(
-        runs, dest="n_seeds", type=one_or_more, default=n, help="runs of each case; default: %(default)s"
-    )
-    parser.add_argument("--first-seed", type=int, default=first, help="first seed; default: %(default)s")
+def one_or_more(text: str) -> int:
+    """The number in an option's text. Raises ArgumentTypeError unless it is a whole number of 1 or more."""
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"expected 1 or more, found {text}")
+    return int(text)
 
 
 def seeds_of(given: argparse.Namespace) -> range:
-    """The seeds from the options of `add_seeds`."""
+    """The seeds from the options of `study_options`."""
     return range(given.first_seed, given.first_seed + given.n_seeds)
 
 
@@ -71,16 +78,20 @@ def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]
     return list(names) or every
 
 
-def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers) -> pd.DataFrame:
-    """Do the runs that the folder lacks, and store them there; returns all rows. Raises InputError, RunsFailedError."""
-    with run_bar(folder.name) as advance:
-        return run_study(work, cases, folder, workers, advance).checked()
+def kept_runs(work: Work, cases: Sequence[Case], folder: Path, given: argparse.Namespace) -> Study:
+    """Do the runs that the folder lacks, and store them there; given: options of `study_options`. Raises InputError."""
+    with progress() as stage:
+        return run_study(work, cases, folder, Workers(given.processes, given.scheduler), stage(folder.name))
 
 
-def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
-    """Do runs without storing them; returns results in the order of the jobs. Raises InputError, RunsFailedError."""
-    with run_bar("runs") as advance:
-        return results(work, jobs, workers, advance)
+def runs_of(work: Work, jobs: Sequence[Any], given: argparse.Namespace | None = None) -> list[Any]:
+    """Do runs without storing them; returns results in the order of the jobs. Raises InputError, RunsFailedError.
+
+    given: options of `study_options`; without them all cores are used
+    """
+    wanted = Workers() if given is None else Workers(given.processes, given.scheduler)
+    with progress() as stage:
+        return results(work, jobs, workers_for(len(jobs), wanted), stage("runs"))
 
 
 def command(main: Main) -> Callable[..., int]:
@@ -97,8 +108,13 @@ def command(main: Main) -> Callable[..., int]:
     return coded
 
 
-def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str]) -> None:
-    """Print a text. With `--page`, also rewrite parts of the study's page; parts: new text by the part's name."""
+def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str], file: Path | None = None) -> None:
+    """Print a text, and write it to a file, if there is one.
+
+    With `--page`, also rewrite parts of the study's page; parts: new text by the part's name
+    """
+    if file is not None:
+        write_whole(file, text)
     sys.stdout.write(text)
     if given.page is not None:
         rewrite_page(given.page, parts)

@@ -7,13 +7,13 @@ Reproduces the comparison in [paper] section IV at a camera's frame rate, 30 fra
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
-from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.studies.estimation.study import figures, row_of
 from experiments.studies.estimation.trials import Model, Trial, run
 from experiments.studies.grid import print_figures, runs_of, study_options
@@ -22,18 +22,21 @@ N_RUNS = 20
 SEEDS = range(100, 100 + N_RUNS)
 
 
-def study(scenario: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Run a scenario with all seeds; returns the figures of `experiments.studies.estimation.study.figures`."""
+def study(scenario: str, seeds: range, given: argparse.Namespace | None = None) -> dict[str, float]:
+    """Run a scenario with all seeds; returns the figures of `experiments.studies.estimation.study.figures`.
+
+    given: options of `study_options`; without them all cores are used
+    """
     with tempfile.TemporaryDirectory() as cache:
-        done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], workers)
+        done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], given)
     return figures(pd.DataFrame([row_of(one) for one in done]))
 
 
 def main() -> None:
     """Print the figures of both scenarios."""
-    workers = chosen_workers(study_options(__doc__, out=False).parse_args())
+    given = study_options(__doc__, out=False).parse_args()
     for scenario in ("quiet", "poked"):
-        print_figures(f"{scenario:8}", study(scenario, SEEDS, workers))
+        print_figures(f"{scenario:8}", study(scenario, SEEDS, given))
 
 
 if __name__ == "__main__":

@@ -11,20 +11,18 @@ study/marks.json has the figures of docs/marks-study.md; study/marks.csv has a r
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from experiments.engine.runs import Case
 from experiments.engine.study import OWN
-from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.studies.grid import (
-    add_seeds,
     command,
     grid,
     kept_runs,
@@ -162,33 +160,26 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     return lost, n_frames
 
 
-def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
+def crossings(n_runs: int, given: argparse.Namespace) -> dict[str, float]:
     """Sums over n_runs runs of `crossing`: frames, exchanged marks, and runs with an exchange."""
-    lost, frames = np.array(runs_of(crossing, range(n_runs), workers)).T
+    lost, frames = np.array(runs_of(crossing, range(n_runs), given)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
-
-
-def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
-    """Run both levels with each seed; write marks.csv, marks.json and the folder `runs` to the folder `out`."""
-    cases = grid(level=LEVELS, seed=seeds, n_frames=[n_frames])
-    table = kept_runs(run, cases, out / "runs", workers)
-    table = table.drop(columns=["n_frames", *OWN])
-    table.insert(len(table.columns) - 1, "level", table.pop("level"))
-    by_level: dict[str, dict[str, float]] = {level: figures(table[table.level == level]) for level in LEVELS}
-    by_level |= {"crossings": crossings(5 * len(seeds), workers)}
-    write_whole(out / "marks.csv", table.to_csv(index=False, float_format="%.4f"))
-    write_whole(out / "marks.json", json.dumps(by_level, indent=1) + "\n")
-    return by_level
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the study and print its figures."""
-    parser = study_options(__doc__)
+    """Run both levels with each seed; write marks.csv, marks.json and the folder `runs`, and print the figures."""
+    parser = study_options(__doc__, seeds=(100, FIRST_SEED), runs="--runs")
     parser.add_argument("--frames", type=int, default=60)
-    add_seeds(parser, 100, FIRST_SEED, runs="--runs")
     given = parser.parse_args(arguments)
-    by_level = study(seeds_of(given), given.frames, given.out, chosen_workers(given))
+    cases = grid(level=LEVELS, seed=seeds_of(given), n_frames=[given.frames])
+    table = kept_runs(run, cases, given.out / "runs", given).checked()
+    table = table.drop(columns=["n_frames", *OWN])
+    table.insert(len(table.columns) - 1, "level", table.pop("level"))
+    by_level: dict[str, dict[str, float]] = {level: figures(table[table.level == level]) for level in LEVELS}
+    by_level |= {"crossings": crossings(5 * given.n_seeds, given)}
+    write_whole(given.out / "marks.csv", table.to_csv(index=False, float_format="%.4f"))
+    write_whole(given.out / "marks.json", json.dumps(by_level, indent=1) + "\n")
     for level, row in by_level.items():
         print_figures(f"{level}: ", row, digits=4)
 

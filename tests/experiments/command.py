@@ -6,13 +6,13 @@ from unittest.mock import patch
 
 import typer.main
 
-from experiments.commands import terminal
 from experiments.commands.app import main
+from experiments.engine import progress
 
 MADE = cache(typer.main.get_command)
 """All commands with their options, made once: else most of what a refused call takes."""
 
-LATE = partial(terminal.progress_lines, 3600.0)
+LATE = partial(progress.progress_lines, 3600.0)
 """Progress whose lines come after an hour: what a test reads does not depend on how busy the machine is."""
 
 
@@ -21,7 +21,7 @@ def softaim(*words: object) -> int:
     with (
         patch.object(sys, "argv", ["softaim", *map(str, words)]),
         patch.object(typer.main, "get_command", MADE),
-        patch.object(terminal, "progress_lines", LATE),
+        patch.object(progress, "progress_lines", LATE),
     ):
         try:
             main()

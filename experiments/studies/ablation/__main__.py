@@ -18,12 +18,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.engine.workers import chosen_workers
-from experiments.formats.outputs import write_whole
 from experiments.formats.page import markdown_table
 from experiments.studies.ablation.recordings import BODIES, LUNG, recording
 from experiments.studies.ablation.switches import SWITCHES, WHOLE
-from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs, publish, seeds_of, study_options
+from experiments.studies.grid import chosen, command, grid, kept_runs, publish, seeds_of, study_options
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
@@ -99,10 +97,9 @@ def _shown(row: Any) -> tuple[str, ...]:
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the missing runs of the folder, and write the table."""
-    parser = study_options(__doc__, page="ablation.md")
+    parser = study_options(__doc__, page="ablation.md", seeds=(1, FIRST_SEED))
     parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")
-    add_seeds(parser, 1, FIRST_SEED)
     parser.add_argument("--lungs", type=Path, help="folder with case1.csv and so on; default: no lungs")
     given = parser.parse_args(arguments)
     bodies = chosen("--bodies", given.bodies, [*BODIES] if given.lungs is None else [*BODIES, LUNG])
@@ -113,11 +110,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for body in bodies
         for case in grid(body=[body], seed=seeds[:1] if body == LUNG else seeds, off=off)
     ]
-    runs = kept_runs(run, cases, given.out, chosen_workers(given))
+    runs = kept_runs(run, cases, given.out, given).checked()
     page = markdown(runs)
     text = f"{whole_filter(runs)}\n{page}"
-    write_whole(given.out / "table.md", text)
-    publish(given, text, {"ablation table": page})
+    publish(given, text, {"ablation table": page}, given.out / "table.md")
 
 
 if __name__ == "__main__":

@@ -16,12 +16,9 @@ from estimators.process.target import TargetPoint
 from experiments.arrays import Floats
 from experiments.studies.estimation.study import perturbed
 from experiments.studies.estimation.trials import Model, Trial, seen
-from experiments.studies.honesty.run import recorded
-from experiments.studies.lungs.estimate import lung_frames
-from experiments.studies.lungs.landmarks import read_lungs
-from experiments.studies.lungs.model import LungConstants, lung_network, node_name
-from experiments.studies.zoo.case import Case
-from experiments.studies.zoo.constants import assumed, measured
+from experiments.studies.honesty import recorded
+from experiments.studies.lungs import LungConstants, lung_frames, lung_network, node_name, read_lungs
+from experiments.studies.zoo.case import Case, assumed, measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,37 +14,91 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from estimators import normalised_error_squared
-from experiments.engine.workers import chosen_workers, workers_for
+from estimators import coverage, normalised_error_squared
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
-from experiments.studies.dense_lungs.data import WHERE, Lung, read_lungs
-from experiments.studies.dense_lungs.methods import METHODS, DenseConstants, Task
-from experiments.studies.dense_lungs.table import COUNTS, Run, flat, markdown, summary
+from experiments.formats.page import markdown_table
+from experiments.studies.dense_lungs.methods import METHODS, WHERE, DenseConstants, Lung, Task, read_lungs
 from experiments.studies.grid import command, grid, publish, runs_of, study_options
 
+COUNTS = (10, 20, 40, 80)
+"""Numbers of marks per lung."""
 
-def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
-    """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants."""
+WORDS = {
+    "filter": "filter",
+    "thin_plate": "thin-plate spline",
+    "linear": "linear radial basis",
+    "field": "Matern field",
+    "open_loop": "open loop",
+    "none": "no motion",
+}
+"""Descriptions of the methods, by name."""
+
+
+def table_of(runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each place, number of marks and method: means over hidden landmarks, NaN if the method ever failed.
+
+    coverage95: coverage of the 95 % region, NaN for methods without a covariance; n: number of hidden landmarks
+    """
+    rows = []
+    for (where, marks, method), own in runs.groupby(["where", "marks", "method"], sort=False):
+        covered = np.nan if own["nees"].isna().any() else coverage(own["nees"].to_numpy(), 3)
+        figures = {"mae_mm": own["error_mm"].mean(skipna=False), "coverage95": covered, "n": len(own)}
+        rows.append({"where": where, "marks": int(marks), "method": method, **figures})
+    return pd.DataFrame(rows)
+
+
+def nested(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The table for summary.json: a row for each place and number of marks, with figures by method."""
+    rows = []
+    for (where, marks), own in table.groupby(["where", "marks"], sort=False):
+        figures = own.set_index("method")[["mae_mm", "coverage95", "n"]].to_json(orient="index", double_precision=15)
+        rows.append({"where": where, "marks": int(marks), "methods": json.loads(figures)})
+    return rows
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """The table of docs/zoo.md."""
+    heads = ("marks per lung", *(f"{word} [mm]" for word in WORDS.values()), "filter covered", "field covered")
+    entries = []
+    for (where, marks), own in table.groupby(["where", "marks"], sort=False):
+        found = own.set_index("method")
+        errors = [_number(found["mae_mm"][name], "{:.2f}") for name in WORDS]
+        covered = [_number(found["coverage95"][name], "{:.1%}") for name in ("filter", "field")]
+        entries.append((f"{marks}, {where}", *errors, *covered))
+    return markdown_table(heads, entries)
+
+
+def _number(value: float, form: str) -> str:
+    return "" if np.isnan(value) else form.format(value)
+
+
+def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
+    """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants.
+
+    A row for each method and hidden landmark: error, NEES of methods with a covariance, reason of a failure
+    """
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)
     truth = lung.exhaled[lung.hidden]
-    errors = {"none": np.linalg.norm(task.wanted - truth, axis=1)}
-    nees, failures = {}, {}
+    parts = []
     for name, method in METHODS.items():
+        part = {"method": np.full(len(truth), name), "error_mm": np.nan, "nees": np.nan, "failure": ""}
         try:
             found = method(task)
+            part["error_mm"] = 1e3 * np.linalg.norm(found.means - truth, axis=1)
+            if found.covs is not None:  # the position with which it is compared has an error, too
+                read = found.covs + constants.scatter_m**2 * np.eye(3)
+                part["nees"] = normalised_error_squared(found.means - truth, read)
         except Exception as error:  # any exception that a method raises is a result of the study
-            failures[name] = f"{type(error).__name__}: {error}"
-            continue
-        errors[name] = np.linalg.norm(found.means - truth, axis=1)
-        if found.covs is not None:  # the position with which it is compared has an error, too
-            read = found.covs + constants.scatter_m**2 * np.eye(3)
-            nees[name] = normalised_error_squared(found.means - truth, read)
-    return Run(lung.name, where, n, errors, nees, failures)
+            part["failure"] = f"{type(error).__name__}: {error}"
+        parts.append(pd.DataFrame(part))
+    return pd.concat(parts).assign(lung=lung.name, where=where, marks=n)
 
 
 @command
@@ -63,17 +117,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         lungs = read_lungs(given.folder)
         cases = grid(where=WHERE, marks=COUNTS, lung=lungs)
         jobs = [(case["lung"], case["where"], case["marks"], replace(constants, body=body)) for case in cases]
-        runs: list[Run] = runs_of(run, jobs, workers_for(len(jobs), chosen_workers(given)))
-        rows = summary(runs)
-        page = markdown(rows)
-        content = {"stiffness_factor": factor, "lungs": [lung.name for lung in lungs], "rows": rows}
+        runs = pd.concat(runs_of(run, jobs, given))
+        table = table_of(runs)
+        page = markdown(table)
+        content = {"stiffness_factor": factor, "lungs": [lung.name for lung in lungs], "rows": nested(table)}
         write_whole(folder / "summary.json", json.dumps(content, indent=2) + "\n")
-        write_whole(folder / "rows.csv", flat(rows).to_csv(index=False))
+        write_whole(folder / "rows.csv", table.to_csv(index=False))
         write_whole(folder / "table.md", page)
     publish(given, page, {"dense lungs table": page})
-    failed = [(one, name, why) for one in runs for name, why in one.failures.items()]
-    for one, name, why in failed:
-        sys.stderr.write(f"{one.lung}, {one.marks} marks, {one.where}: {name}: {why}\n")
+    failed = list(
+        runs[runs["failure"] != ""].groupby(["lung", "marks", "where", "method", "failure"], sort=False).groups
+    )
+    for lung, marks, where, method, why in failed:
+        sys.stderr.write(f"{lung}, {marks} marks, {where}: {method}: {why}\n")
     return 1 if failed else 0
 
 

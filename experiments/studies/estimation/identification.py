@@ -34,12 +34,11 @@ from dynamics import (
 )
 from estimators import IdentificationSettings, identify_constants
 from experiments.engine.runs import Case
-from experiments.engine.workers import chosen_workers
 from experiments.formats.page import markdown_table
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import Frames, frames_of
-from experiments.studies.grid import add_seeds, command, grid, kept_runs, publish, seeds_of, study_options
+from experiments.studies.grid import command, grid, kept_runs, publish, seeds_of, study_options
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,
@@ -163,11 +162,10 @@ def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the fits, print the table, and write it to the page."""
-    parser = study_options(__doc__, page="identification.md")
-    add_seeds(parser, 20, 1000, runs="--runs")
+    parser = study_options(__doc__, page="identification.md", seeds=(20, 1000), runs="--runs")
     given = parser.parse_args(arguments)
     cases = grid(duration_s=[LONG_S], seed=seeds_of(given), phantom=["built-in", "five-mass"])
-    table = kept_runs(identified, cases, given.out, chosen_workers(given))
+    table = kept_runs(identified, cases, given.out, given).checked()
     made = page_table(pulls(table.sort_values("phantom", kind="stable")))
     publish(given, made, {"pulls": made})
 

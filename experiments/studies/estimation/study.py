@@ -36,10 +36,9 @@ from dynamics import (
 from estimators import FilterSettings, ForceMode, TissueFilter, coverage, identify_constants, posterior_bound
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
-from experiments.engine.workers import chosen_workers, one_or_more
 from experiments.formats.page import markdown_table
 from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Frames, Model, Outcome, Trial, run, seen, truth
-from experiments.studies.grid import command, kept_runs, publish, study_options
+from experiments.studies.grid import command, kept_runs, one_or_more, publish, study_options
 from experiments.studies.grid import grid as cases_of
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
@@ -269,7 +268,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in given.parts or PARTS:
         part = PARTS[name]
         cases = cases_of(**part.axes, seed=range(part.first, part.first + part.more * given.runs))
-        runs = kept_runs(partial(part.work, cache=cache), cases, given.out / "runs" / name, chosen_workers(given))
+        runs = kept_runs(partial(part.work, cache=cache), cases, given.out / "runs" / name, given).checked()
         tables[name] = part.table(runs)
     publish(given, "\n".join(f"{name}\n{table}" for name, table in tables.items()), tables)
 

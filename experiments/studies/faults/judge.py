@@ -41,14 +41,16 @@ STEADY_S = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What is displayed at one time [s] after the first exposure.
+    """What is displayed at one time [s] after the first exposure, and whether it is right.
 
-    age_s: age of the newest frame that the estimate uses
+    age_s: age of the newest frame that the estimate uses; of_frame: whether the display follows from a new frame
     status, advice, why: the displayed status, advice and reason. If none is displayed, advice is None, why is empty.
     reported: the reports displayed at this time; empty if there are none
     sigma_m: standard deviation of the target
     wrong: whether the estimate is wrong, see `is_wrong`; astray: whether the needle would miss the lesion
     well: whether the status is TRACKING and no fault is displayed
+    said: the displayed fault or, if there is none, the reason of the advice
+    error_m: error of the target [m]; covered: whether the truth lies in the 95 % region
     """
 
     time_s: float
@@ -61,6 +63,10 @@ class Moment:
     well: bool
     reported: str = ""
     astray: bool = False
+    of_frame: bool = True
+    said: str = ""
+    error_m: float = np.nan
+    covered: bool = False
 
     @property
     def faulty_go(self) -> bool:
@@ -139,12 +145,16 @@ def quiet_folder() -> Iterator[Path]:
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
     """Whether the truth [m], (dim,), is over `LEAST_M` away and outside the region of probability `WRONG`."""
+    is_near = cov is not None and np.isfinite(cov).all() and np.linalg.norm(truth_m - mean) <= LEAST_M
+    return not (is_near or covers(mean, cov, truth_m, WRONG))
+
+
+def covers(mean: Floats, cov: Floats | None, truth_m: Floats, probability: float = 0.95) -> bool:
+    """Whether the truth [m], (dim,), lies in the region of this probability; False if mean or cov is not known."""
     if cov is None or not np.isfinite(mean).all() or not np.isfinite(cov).all():
-        return True
-    off = truth_m - mean
-    if float(np.linalg.norm(off)) <= LEAST_M:
         return False
-    return bool(off @ np.linalg.solve(cov, off) > chi2.ppf(WRONG, len(off)))
+    off = truth_m - mean
+    return bool(off @ np.linalg.solve(cov, off) <= chi2.ppf(probability, len(off)))
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:

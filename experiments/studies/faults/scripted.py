@@ -18,9 +18,10 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import DISTRACTOR, distractor_line
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.marks.receiver import LiveMarks
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher, Shown
-from experiments.studies.faults.judge import ONSET_S, Fault, Judged, Moment, is_wrong, verdict
+from experiments.studies.faults.judge import ONSET_S, Fault, Judged, Moment, covers, is_wrong, verdict
 from experiments.studies.faults.world import (
     BEGAN_S,
     INTERVAL_S,
@@ -102,10 +103,22 @@ class ScriptedFault(Fault):
 
 
 class Watching(Publisher):
-    """A `Publisher` that stores the displayed moments. State: the moments; the needle's true pose."""
+    """A `Publisher` that stores the displayed moments from since_s [s] on.
 
-    def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
-        self._frames, self._motion, self._target = frames, motion, target
+    State: the moments; the needle's true pose; the time of the newest frame [s].
+    reported: function that returns the reports displayed since its last call
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        target: int,
+        clock: Callable[[], float],
+        reported: Callable[[], str] = lambda: "",
+        since_s: float = -np.inf,
+    ) -> None:
+        self._motion, self._target, self._since_s = motion, target, since_s
+        self._clock, self._reported = clock, reported
         self.moments: list[Moment] = []
         self.needle: NeedlePose | None = None
         self._used_s = -np.inf
@@ -114,9 +127,10 @@ class Watching(Publisher):
         """Store the displayed moment."""
         if shown.step is not None:
             self._used_s = shown.at_s
-        now_s = self._frames.now_s
-        guidance, estimate = shown.guidance, shown.estimate
-        truth = self._motion.at(estimate.time_s - BEGAN_S)[self._target]
+        if shown.at_s - BEGAN_S < self._since_s:
+            return
+        now_s, guidance, estimate = self._clock(), shown.guidance, shown.estimate
+        truth = self._motion.at(shown.at_s - BEGAN_S)[self._target]
         measured = len(line.scene.measured_nodes)
         lacking = shown.step is not None and (estimate.marks_used < measured or bool(shown.step.refused))
         why = shown.fault or ("marks lost or refused" if lacking else "")
@@ -136,10 +150,41 @@ class Watching(Publisher):
                 np.inf if cov is None else float(np.sqrt(np.linalg.eigvalsh(cov)[-1])),
                 is_wrong(estimate.mean, cov, truth),
                 well=estimate.status is Status.TRACKING and not why,
-                reported="; ".join([*filter(None, [self._frames.reported()]), *came]),
+                reported="; ".join([*filter(None, [self._reported()]), *came]),
                 astray=self.needle is not None and misses(self.needle, truth),
+                of_frame=shown.step is not None,
+                said=shown.fault or ("" if guidance is None else guidance.reason),
+                error_m=float(np.linalg.norm(truth - estimate.mean)),
+                covered=covers(estimate.mean, cov, truth),
             )
         )
+
+
+def displayed(
+    watching: Watching,
+    frames: ScriptedFrames | LiveMarks,
+    scene: Scene,
+    plan: NeedlePlan,
+    folder: Path,
+    duration_s: float,
+    attend: Callable[[Session], None] = lambda _session: None,
+    *,
+    rehearse: bool = True,
+) -> list[Moment]:
+    """All displayed moments of a live run on scripted frames; attend: called with the session in each turn."""
+    clock = partial(getattr, frames, "now_s")
+    session = Session(
+        scene,
+        folder / ESTIMATES,
+        lambda _text: None,
+        needle=plan,
+        publisher=watching,
+        clock=clock,
+        rehearse=rehearse,
+    )
+    follow(session, frames, duration_s, clock, attend=partial(attend, session))
+    session.close()
+    return watching.moments
 
 
 def misses(needle: NeedlePose, truth_m: Floats) -> bool:
@@ -180,19 +225,11 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     else:
         motion = moved(scenario, scene.network, fault.becomes, ONSET_S, pushed)
     frames = ScriptedFrames(_arrivals(fault, scene, motion, seed, duration_s))
-    watching = Watching(frames, motion, scene.network.index(scene.target.node))
     clock = partial(getattr, frames, "now_s")
-    session = Session(
-        fault.assumed(scene),
-        folder / ESTIMATES,
-        lambda _text: None,
-        needle=plan,
-        publisher=watching,
-        clock=clock,
-    )
+    watching = Watching(motion, scene.network.index(scene.target.node), clock, frames.reported)
     upset = False
 
-    def attend() -> None:
+    def attend(session: Session) -> None:
         nonlocal upset
         time_s = clock() - BEGAN_S
         if needle is not None:
@@ -205,9 +242,7 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
             upset = True
             fault.upsets(session)
 
-    follow(session, frames, duration_s, clock, attend=attend)
-    session.close()
-    return watching.moments
+    return displayed(watching, frames, fault.assumed(scene), plan, folder, duration_s, attend)
 
 
 def _arrivals(fault: ScriptedFault, scene: Scene, motion: Motion, seed: int, duration_s: float) -> list[Arrival]:

@@ -11,17 +11,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.engine.parts import KEPT
-from experiments.engine.study import run_study
+from experiments.engine.study import KEPT, run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.studies.faults.camera import CAMERA
 from experiments.studies.faults.judge import Fault, quiet_folder
-from experiments.studies.faults.loop import LOOP
 from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.scripts import CAMERA, LOOP, TISSUE
 from experiments.studies.faults.system import SYSTEM
-from experiments.studies.faults.tissue import TISSUE
 from experiments.studies.grid import chosen, grid
 
 _ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)

@@ -9,6 +9,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -176,11 +178,11 @@ class ScriptedFrames(LiveFrames):
         while self._to_come and self._to_come[0].at_s <= time_s:
             one = self._to_come.popleft()
             self.now_s = max(self.now_s, one.at_s)
-            image, at_s, why = self._picture(_Read(one))
+            image, at_s, why = self._picture(_device(one))
             if image is None:
                 self._fail(self._readers[0], why)
             else:
-                self._take(self._readers[0], image, at_s, _Read(one), self._times)
+                self._take(self._readers[0], image, at_s, _device(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """The events since the last call. Faults among them are stored until `reported` returns them."""
@@ -194,27 +196,16 @@ class ScriptedFrames(LiveFrames):
         return reported
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Read:
-    """A capture device during one read."""
-
-    arrival: Arrival
-
-    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        return True
-
-    def grab(self) -> bool:
-        return self.arrival.image is not None
-
-    def retrieve(self) -> tuple[bool, Image | None]:
-        return True, self.arrival.image
-
-    def get(self, prop: int) -> float:
-        stated_s = self.arrival.stated_s
-        return 1e3 * stated_s if prop == cv2.CAP_PROP_POS_MSEC and stated_s is not None else 0.0
-
-    def release(self) -> None:
-        return
+def _device(read: Arrival) -> Any:
+    """A capture device of OpenCV during one read."""
+    stated_ms = 0.0 if read.stated_s is None else 1e3 * read.stated_s
+    return SimpleNamespace(
+        isOpened=lambda: True,
+        grab=lambda: read.image is not None,
+        retrieve=lambda: (True, read.image),
+        get=lambda prop: stated_ms if prop == cv2.CAP_PROP_POS_MSEC else 0.0,
+        release=lambda: None,
+    )
 
 
 def drawn(scene: Scene, places: Floats, rng: np.random.Generator, *, hidden: tuple[str, ...] = ()) -> Image:

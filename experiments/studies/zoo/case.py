@@ -1,14 +1,22 @@
-"""Cases of the zoo: a body, the assumed constants, a scale of the body, and a seed."""
+"""Cases of the zoo: a body, the constants that the filter assumes, a scale of the body, and a seed."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
+from dynamics import MassSpringNetwork, NetworkError, fit_rest_lengths
+from estimators import CovarianceError, FilterSettings, IdentificationError, identify_constants
+from estimators.identification.budget import Budget
+from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
+from experiments.studies.estimation.trials import Frames, Model, frames_of
 
 CONSTANTS = ("true", "wrong", "identified")
 """Kinds of constants that a run assumes: best-known, with random errors of 20 % (1 sd), or identified from another
@@ -87,3 +95,91 @@ def quick_cases() -> list[Case]:
         Case("phantom", 0, "wrong", length_s=1.0),
         Case("chain3", 0, length_s=0.5, size=10.0),
     ]
+
+
+WRONG = float(np.log(1.2))
+"""Standard deviation of the logarithm of a wrong constant: 20 %."""
+
+OTHER_RECORDING = 100_000
+"""Offset from a case's seed to the seed of its recording for identification."""
+
+BUDGET_S = 12.0
+"""Limit of an identification's processor time [s]; the whole zoo then takes an hour on two cores."""
+
+
+class NotIdentifiedError(Exception):
+    """Error for constants that could not be identified; the message gives the reason."""
+
+
+def assumed(body: Body, case: Case) -> Model:
+    """The model that a run of the case assumes; raises NotIdentifiedError."""
+    settings = FilterSettings(led_nodes=body.led)
+    if case.constants == "true":
+        return Model(body.network, settings=settings)
+    rng = np.random.default_rng([case.seed, 2])
+    return identified(body, case, rng) if case.constants != "wrong" else Model(wrong_network(body, rng), None, settings)
+
+
+def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
+    """The network with a random log-normal factor of 20 % standard deviation on each stiffness, dashpot and mass.
+
+    If the body is drawn at rest, rest lengths are fitted to the drawn shape.
+    """
+    network = body.network
+
+    def factors(n: int) -> Floats:
+        return np.exp(WRONG * rng.normal(size=n))
+
+    n_springs = len(network.springs)
+    wrong = replace(
+        network,
+        stiffness=network.stiffness * factors(n_springs),
+        damping=network.damping * factors(n_springs),
+        masses=network.masses * factors(network.n_nodes),
+    )
+    return fit_rest_lengths(wrong, network.positions) if body.at_rest else wrong
+
+
+def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
+    """Model with constants fitted to another recording of the body; raises NotIdentifiedError.
+
+    seconds: limit of the fit's processor time [s]
+    The recording shows every node. The fit starts from exact masses. All springs of a kind start with one wrong factor
+    on their stiffness, and another on their dashpots. Rest lengths are fitted, too.
+    """
+    factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
+    by_spring = np.array([factors[kind] for kind in _kinds(body)])
+    start = replace(
+        body.network,
+        stiffness=body.network.stiffness * by_spring[:, 0],
+        damping=body.network.damping * by_spring[:, 1],
+    )
+    if body.at_rest:
+        start = fit_rest_lengths(start, body.network.positions)
+    other = replace(case, seed=case.seed + OTHER_RECORDING).motion
+    frames = measured(other, other.marked + other.hidden, case.seed + OTHER_RECORDING)
+    settings = FilterSettings(led_nodes=body.led)
+    try:
+        found = identify_constants(
+            start,
+            frames,
+            body.marked,
+            body.hidden[0],
+            spring_groups=body.kinds,
+            settings=settings,
+            budget=Budget(seconds, time.process_time),
+        )
+    except (IdentificationError, NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
+        raise NotIdentifiedError(f"not identified: {error}") from error
+    return Model(found.network, found.uncertainty, settings)
+
+
+def _kinds(body: Body) -> tuple[str, ...]:
+    return body.kinds or tuple(str(spring) for spring in range(len(body.network.springs)))
+
+
+def measured(body: Body, names: tuple[str, ...], seed: int) -> Frames:
+    """Frames with noisy marks of these nodes."""
+    rng = np.random.default_rng([seed, 1])
+    places = body.positions[:, [body.network.index(name) for name in names]]
+    return frames_of(body.times_s, places + rng.normal(0.0, body.mark_sd_m, places.shape), names, body.mark_sd_m)

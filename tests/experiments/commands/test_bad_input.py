@@ -61,17 +61,3 @@ def test_the_table_is_of_every_command_that_takes_input() -> None:
     kinds = Counter(case["call"].split()[0] for case in TABLE)
     assert {command.__name__ for command in COMMANDS} <= set(kinds)
     assert len({case["said"] for case in TABLE}) >= 60
-
-
-@pytest.mark.usefixtures("without_pictures")
-def test_the_files_are_good_before_they_are_spoilt(here: Path, capfd: pytest.CaptureFixture[str]):
-    """What the table spoils is else taken: each kind of file once."""
-    assert softaim("track", "marks", "--out", "out", "--json") == 0
-    assert softaim("plan", "scene.toml", "--plan", "plan.toml", "--out", "plan") == 0
-    assert softaim("simulate", "scenario.toml", "--out", "rec") == 0
-    assert softaim("advise", "film", "--needle", "needle.toml", "--out", "advice") == 0
-    assert softaim("sweep", "sweep.toml", "--out", "swept", "--processes", "1") == 0
-    assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha", "--estimates", "results") == 0
-    assert softaim("import", "sleap.csv", "--scene", "scene.toml", "--out", "sleap", "--fps", "30") == 0
-    named = ("--scene", "scene.toml", "--rename", "tail=M4", "--fps", "30")
-    assert softaim("import", "deeplabcut.csv", "--out", "deeplabcut", *named) == 0

@@ -56,47 +56,14 @@ def test_any_name_in_utf_8_is_taken(here: Path, capfd: pytest.CaptureFixture[str
 
 
 GIVEN = [
-    "calibrate {} --board 9x6 --square-mm 25 --out c.toml",
     "calibrate shots {}/1.png --board 9x6 --square-mm 25 --out c.toml",
     "calibrate --camera left={} --camera right=shots --board 9x6 --square-mm 25 --out rig",
-    "calibrate shots --board 9x6 --square-mm 25 --out {}.toml",
-    "calibrate shots --board 9x6 --square-mm 25 --out c.toml --plane {}.png",
-    "calibrate shots --board 9x6 --square-mm 25 --out c.toml --ros-yaml {}.yaml",
-    "track {} --out out",
     "track marks --out {}",
-    "track marks --out out --scene {}.toml",
-    "smooth {} --out out",
-    "compare {} --out out",
-    "replay {} --out out",
-    "advise marks --needle {}.toml --out out",
-    "identify {} --out out.toml",
-    "tune marks --out {}.toml",
-    "plan {}.toml --plan plan.toml --out out",
-    "plan scene.toml --plan {} --out out",
     "check {}",
-    "check scene.toml --out {}",
-    "new {}",
-    "new out --kind mesh --nodes {}.csv",
-    "simulate {}.toml --out out",
-    "insert {}.toml --out out",
-    "live --source {} --no-page",
     "live --source {}.avi --no-page",
-    "live --source marks --needle {}.toml --no-page",
-    "record {}/video.avi --out out",
-    "record film/video.avi --out {}",
     "record rtsp://{}/1 --out out",
-    "record --recover {}",
-    "hue {} --at 1,2",
-    "hue shots --scene scene.toml --out {}",
-    "export {} --to plus --out out.igs.mha",
-    "export film --to plus --out {}.igs.mha",
-    "export film --to plus --out out.igs.mha --estimates {}",
-    "import {}.csv --scene scene.toml --out out --fps 30",
-    "import sleap.csv --scene scene.toml --out out --frames {}",
-    "sweep {}.toml --out out",
-    "demo --out {}",
-    "faults --out {}",
 ]
+"""Arguments and options of one value and of several; what checks them is the same for all commands."""
 
 
 @pytest.mark.parametrize("call", GIVEN)

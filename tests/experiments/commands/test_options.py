@@ -52,10 +52,10 @@ track marks --out out | --check | track.check
 track film --out out | --film | track.watch
 track marks --out out | --vector svg | write_track_plots.2
 smooth marks --out out | --scene other.toml | compare.0.scene
-smooth marks --out out | --vector svg | write_comparison_plot.2
+smooth marks --out out | --vector svg | write_picture.2
 compare marks --out out | --scene other.toml | compare.0.scene
 compare marks --out out | --methods ekf | compare.1
-compare marks --out out | --vector pdf | write_comparison_plot.2
+compare marks --out out | --vector pdf | write_picture.2
 calibrate boards --square-mm 25 --out camera.toml | --board 9x6 | code
 calibrate boards --board 9x6 --out camera.toml | --square-mm 25 | code
 calibrate boards --board 9x6 --square-mm 25 | --out camera.toml | code
@@ -74,7 +74,7 @@ register scene.toml --points marks --out scene.toml | --force | code
 advise film --out out | --needle needle.toml | code
 advise film --needle needle.toml --out out | --scene other.toml | advise.0.scene
 advise film --needle needle.toml --out out | --film | advise.watch
-advise film --needle needle.toml --out out | --vector svg | write_advice_plot.2
+advise film --needle needle.toml --out out | --vector svg | write_picture.2
 identify marks | --out out.toml | code
 identify marks --out out.toml | --scene other.toml | identified_scene.0.scene
 identify marks --out out.toml | --at-rest | resting_scene
@@ -154,29 +154,29 @@ faults --out out | --page | rewrite_page
 """
 """A call, what is added to it, and where that is seen: a file, the exit code, what is printed, what a function gets."""
 
+PICTURE = "plots.style.write_picture!"
 WORK = {
-    "check": (
-        *("projects.check.checked", "plots.check.check_figure"),
-        *("plots.style.write_picture!", "projects.report.check_report!"),
-    ),
+    "check": ("projects.check.checked", "plots.check.check_figure", PICTURE, "projects.report.check_report!"),
     "track": ("pipeline.track.track", "pipeline.track.write_tables", "plots.track.write_track_plots!"),
-    "smooth": ("pipeline.compare.compare", "pipeline.compare.write_smoothed", "plots.compare.write_comparison_plot!"),
+    "smooth": (
+        "pipeline.compare.compare",
+        "pipeline.compare.write_smoothed",
+        "plots.compare.comparison_figure",
+        PICTURE,
+    ),
     "compare": (
         *("pipeline.compare.compare", "pipeline.compare.write_comparison"),
-        "plots.compare.write_comparison_plot!",
+        *("plots.compare.comparison_figure", PICTURE),
     ),
     "replay": ("pipeline.live.replaying.replay!",),
     "calibrate": ("pipeline.calibrate.command!",),
-    "advise": ("pipeline.advise.advise", "pipeline.advise.write_advice", "plots.advice.write_advice_plot!"),
+    "advise": ("pipeline.advise.advise", "pipeline.advise.write_advice", "plots.advice.advice_figure", PICTURE),
     "identify": (
         *("engine.spare.spare_cores", "pipeline.identify.marks_in"),
         *("pipeline.identify.identified_scene!", "pipeline.identify.resting_scene!"),
     ),
     "tune": ("engine.spare.spare_cores", "pipeline.identify.marks_in", "pipeline.identify.tuned_scene!"),
-    "plan": (
-        *("pipeline.plan.planned", "pipeline.plan.write_plan"),
-        *("plots.plan.plan_figure", "plots.style.write_picture!"),
-    ),
+    "plan": ("pipeline.plan.planned", "pipeline.plan.write_plan", "plots.plan.plan_figure", PICTURE),
     "insert": (
         *("simulation.insert.insert", "simulation.insert.write_insertions"),
         "plots.insertion.write_insertion_plots!",

@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from experiments.engine.executor import RunsFailedError, results
-from experiments.engine.runs import importable, key_of, name_of, named_work, perform
+from experiments.engine.runs import importable, key_of, perform
 from experiments.engine.workers import OWN_PROCESS
 from tests.experiments.engine import small_runs
 
@@ -27,12 +27,6 @@ def test_a_case_is_what_json_can_hold():
 def test_a_function_without_a_name_of_its_own_is_no_work(work):
     with pytest.raises(ValueError, match="expected"):
         importable(work)
-
-
-def test_a_function_is_found_by_its_name():
-    name = name_of(importable(partial(small_runs.paired, cache="x")))
-    assert name == "tests.experiments.engine.small_runs:paired"
-    assert named_work(name)({"seed": 3})[0] == {"side": "left", "half": 1.5}
 
 
 def test_what_a_run_raises_is_its_failure_on_one_line(tmp_path):

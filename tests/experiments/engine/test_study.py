@@ -12,8 +12,7 @@ import pandas as pd
 import pytest
 
 from experiments.engine import workers
-from experiments.engine.parts import Parts
-from experiments.engine.study import run_study
+from experiments.engine.study import Parts, run_study
 from experiments.engine.workers import OWN_PROCESS, Workers
 from experiments.errors import InputError
 from tests.experiments.engine import small_runs
@@ -61,14 +60,13 @@ def test_a_run_that_kills_its_workers_fails_and_the_others_are_done_again(tmp_pa
 
 STUDY = """
 from pathlib import Path
-from experiments.engine import parts
-from experiments.engine.study import run_study
+from experiments.engine import study
 from experiments.engine.workers import Workers
 from tests.experiments.engine import small_runs
-parts.KEEP_S = parts.KEEP_SHARE = 0.0
+study.KEEP_S = study.KEEP_SHARE = 0.0
 if __name__ == "__main__":
     cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(8)]
-    run_study(small_runs.slow, cases, Path({study!r}), Workers(2))
+    study.run_study(small_runs.slow, cases, Path({study!r}), Workers(2))
 """
 
 
@@ -128,8 +126,8 @@ def test_a_result_that_is_none_is_a_failure(tmp_path, two):
 
 
 def test_rows_of_a_run_stay_together_and_whole_numbers_join_real_ones(tmp_path, monkeypatch):
-    monkeypatch.setattr("experiments.engine.parts.KEEP_S", 0.0)
-    monkeypatch.setattr("experiments.engine.parts.KEEP_SHARE", 0.0)
+    monkeypatch.setattr("experiments.engine.study.KEEP_S", 0.0)
+    monkeypatch.setattr("experiments.engine.study.KEEP_SHARE", 0.0)
     done = run_study(small_runs.paired, cases(3)[::-1], tmp_path, OWN_PROCESS)
     assert len(list((tmp_path / "kept").iterdir())) == 3
     assert list(done.table["side"]) == ["left", "right"] * 3

@@ -1,6 +1,5 @@
 """The film of a live run: whole at the end, in pieces after a kill, and never in the way of the loop."""
 
-import re
 import shutil
 import threading
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 
 import experiments.film.live_film
 from experiments.film.live_film import WAITING, LiveFilm
-from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, Recorder
@@ -179,19 +177,3 @@ def test_a_fault_in_the_film_of_one_camera_does_not_end_the_other(exposures, tmp
     assert "No space left" in str(one.fault)
     assert [path.name for path in out.glob("film*")] == ["film.right.avi"]
     assert count_frames(out / "film.right.avi") == 10
-
-
-@pytest.mark.slow
-def test_a_live_run_over_marks_writes_a_film_on_plain_ground(tmp_path, capsys) -> None:
-    rows = "".join(f"{k / 30.0:.6f},M1,{-200.0 + 0.1 * k:.3f},200.0,0.5\n" for k in range(30))
-    folder = tmp_path / "rec"
-    folder.mkdir()
-    (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,sd_mm\n" + rows)
-    scene, out = tmp_path / "scene.toml", tmp_path / "out"
-    write_scene(scene_of(coarse_webcam()), scene)
-    assert softaim("live", "--source", folder / "marks.csv", "--scene", scene, "--out", out, "--film") == 0
-    said = re.search(r"film\.avi: (\d+) frames?, \d+ dropped", capsys.readouterr().out)
-    assert said is not None
-    assert count_frames(out / "film.avi") == int(said[1]) > 0  # how many is a matter of the machine's speed
-    assert abs(np.median(cv2.VideoCapture(str(out / "film.avi")).read()[1]) - 60.0) < 3.0
-    assert not (tmp_path / "out-film").exists()

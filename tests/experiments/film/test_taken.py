@@ -9,39 +9,19 @@ import pandas as pd
 import pytest
 
 from experiments.film.overlay import hue_colour
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from tests.experiments.command import softaim
-from vision import Disc, Lighting, VideoWriter, draw_frame
+from tests.networks import build_network
+from vision import Disc, Lighting, VideoWriter, draw_frame, fronto_parallel_camera
 
-SCENE = """
-version = 1
-[network]
-gravity_m_s2 = [0.0, 0.0]
-[[network.node]]
-name = "A"
-position_mm = [0.0, 0.0]
-mass_kg = 0.1
-fixed = true
-[[network.node]]
-name = "M"
-position_mm = [100.0, 0.0]
-mass_kg = 0.1
-[[network.spring]]
-between = ["A", "M"]
-stiffness_N_m = 50.0
-rest_length_mm = 100.0
-[[mark]]
-node = "M"
-hue_deg = 130.0
-diameter_mm = 24.0
-[target]
-node = "M"
-radius_mm = 5.0
-[[camera]]
-name = "front"
-size_px = [320, 240]
-plane_to_px = [[1.0, 0.0, 50.0], [0.0, -1.0, 90.0], [0.0, 0.0, 1.0]]
-"""
+NETWORK = build_network(np.array([[0.0, 0.0], [0.1, 0.0]]), [(0, 1)], [0], ["A", "M"])
+CAMERA = fronto_parallel_camera("front", (320, 240), (1.0, 1.0), (0.1095, -0.0295))
+"""Of 1 mm a pixel; it shows the mark at (150, 90) px."""
 AREA = np.pi * 12.0**2
+
+
+def scene(path: Path, hue_deg: float) -> None:
+    write_scene(Scene(NETWORK, (Mark("M", hue_deg, 0.024),), Target("M", 0.005), (CAMERA,)), path)
 
 
 @pytest.fixture
@@ -54,7 +34,7 @@ def film(tmp_path: Path) -> Path:
     with VideoWriter(path, (320, 240), 25.0) as writer:
         for discs in ([disc], [disc], [], [wall]):
             writer.write(draw_frame((320, 240), discs, Lighting(), rng))
-    (tmp_path / "scene.toml").write_text(SCENE)
+    scene(tmp_path / "scene.toml", 130.0)
     return path
 
 
@@ -92,7 +72,7 @@ def test_taken_pixels_are_painted_where_they_are_and_the_rest_is_grey(film, tmp_
 
 
 def test_a_film_in_which_a_mark_is_missing_is_reported(film, tmp_path, capsys) -> None:
-    (tmp_path / "blue.toml").write_text(SCENE.replace("hue_deg = 130.0", "hue_deg = 240.0"))
+    scene(tmp_path / "blue.toml", 240.0)
     assert softaim("hue", film, "--scene", tmp_path / "blue.toml") == 0
     said = " ".join(capsys.readouterr().out.split())
     least = 0.2 * AREA

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.plots.bands import spans_of
+from experiments.plots.series import spans_of
 from experiments.plots.style import COLUMN_MM, PAGE_MM, STYLE, grid_figure, styled, write_picture
 
 

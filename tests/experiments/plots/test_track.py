@@ -14,7 +14,7 @@ from experiments.pipeline.scores.fit import Withheld
 from experiments.plots.consistency import consistency_figure, sigma_figure
 from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
 from experiments.plots.space import two_views
-from experiments.plots.track import error_figure, motion_figure, write_track_plots
+from experiments.plots.track import error_figure, write_track_plots
 from tests.experiments.plots.printed import check_printed, labels
 from tests.experiments.plots.tracks import block, made_track, phantom, small_errors
 
@@ -64,14 +64,6 @@ def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_
     assert ("filter outside: 60 of 300 frames" in labels(found)) == (not np.isnan(far_m))
 
 
-def test_no_legend_is_placed_by_a_search_among_what_is_drawn(usual):
-    """It takes forever among thousands of ellipses: the place is fixed, outside of the axes where curves may be."""
-    for made in (path_figure, error_figure, motion_figure, sigma_figure, consistency_figure):
-        figure = made(usual)
-        assert len(figure.legends) == 1
-        assert all(ax.get_legend() is None for ax in figure.axes)
-
-
 def test_ellipses_larger_than_the_picture_are_counted_and_not_drawn(usual):
     sigmas = np.full(N, 1e-3)
     sigmas[: N // 2] = 1e5
@@ -114,7 +106,7 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):
     """48 nodes in space, five times as many frames as points of a line: no more is drawn than a picture can show."""
     n_drawn, n = 400, 2000
-    for module in ("limits", "path"):
+    for module in ("series", "path"):
         monkeypatch.setattr(f"experiments.plots.{module}.N_DRAWN", n_drawn)
     track = made_track(block(), small_errors(n, 3), np.full(n, 1e-3))
     path, error = path_figure(track), error_figure(track)

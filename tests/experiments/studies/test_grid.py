@@ -3,12 +3,11 @@
 import pandas as pd
 import pytest
 
-from experiments.engine.workers import OWN_PROCESS
 from experiments.errors import InputError
 from experiments.formats.page import markdown_table
 from experiments.studies.ablation.__main__ import main as ablation
 from experiments.studies.faults.wrong_worlds.__main__ import main as wrong_worlds
-from experiments.studies.grid import add_seeds, command, grid, kept_runs, runs_of, seeds_of, study_options
+from experiments.studies.grid import command, grid, kept_runs, runs_of, seeds_of, study_options
 from experiments.studies.zoo.__main__ import main as zoo
 
 
@@ -19,14 +18,19 @@ def area(case):
 def test_a_grid_is_every_combination_and_its_runs_are_rows(tmp_path):
     cases = grid(a=(1, 2), b=range(3, 5))
     assert cases == [{"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
-    table = kept_runs(area, cases, tmp_path / "runs", OWN_PROCESS)
+    given = study_options("What it is.").parse_args(["--out", str(tmp_path), "--processes", "1"])
+    table = kept_runs(area, cases, tmp_path / "runs", given).checked()
     pd.testing.assert_frame_equal(table[["a", "b", "area"]], pd.DataFrame(cases).assign(area=[3, 4, 6, 8]))
-    assert runs_of(area, cases, OWN_PROCESS) == [{"area": 3}, {"area": 4}, {"area": 6}, {"area": 8}]
+    assert runs_of(area, cases, given) == [{"area": 3}, {"area": 4}, {"area": 6}, {"area": 8}]
 
 
 def test_options_are_named_by_the_docstring_and_choose_seeds():
-    parser = study_options("What it is.\n\n    python -m experiments.studies.some --out FOLDER", page="some.md")
-    add_seeds(parser, 20, 100, runs="--runs")
+    parser = study_options(
+        "What it is.\n\n    python -m experiments.studies.some --out FOLDER",
+        page="some.md",
+        seeds=(20, 100),
+        runs="--runs",
+    )
     assert (parser.prog, parser.description) == ("python -m experiments.studies.some", "What it is.")
     given = parser.parse_args(["--out", "x", "--runs", "2", "--first-seed", "7"])
     assert list(seeds_of(given)) == [7, 8]
@@ -35,8 +39,7 @@ def test_options_are_named_by_the_docstring_and_choose_seeds():
 
 @pytest.mark.parametrize("n", ["0", "-1", "two"])
 def test_there_is_one_run_at_least(n, capsys):
-    parser = study_options("What it is.", page="some.md")
-    add_seeds(parser, 20, 100)
+    parser = study_options("What it is.", page="some.md", seeds=(20, 100))
     with pytest.raises(SystemExit):
         parser.parse_args(["--out", "x", f"--seeds={n}"])
     assert f"expected 1 or more, found {n}" in capsys.readouterr().err

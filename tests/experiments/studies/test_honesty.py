@@ -3,9 +3,8 @@
 import pandas as pd
 import pytest
 
-from experiments.studies.honesty import __main__ as study
-from experiments.studies.honesty.__main__ import cells_of, main
-from experiments.studies.honesty.run import run
+from experiments.studies import honesty as study
+from experiments.studies.honesty import cells_of, main, run
 
 
 def test_fine_marks_of_a_poked_phantom_are_covered_and_its_nees_is_by_the_error():

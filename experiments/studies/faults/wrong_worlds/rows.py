@@ -13,8 +13,7 @@ from dynamics.network.mass_spring import spring_lengths
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.studies.faults.judge import ONSET_S
-from experiments.studies.faults.wrong_worlds.seen import MARK_SD_M, Seen, Sees
-from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Becomes, Pushes, Truth
+from experiments.studies.faults.wrong_worlds.simulated import AS_STATED, MARK_SD_M, Becomes, Pushes, Seen, Sees, Truth
 
 WEIGHT = 9.81
 """Weight of a mass of 1 kg [N]."""

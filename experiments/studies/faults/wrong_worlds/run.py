@@ -5,94 +5,33 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from estimators import Advice, Status
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene, scene_text, usable_scene
 from experiments.formats.toml_file import toml_text, toml_value
-from experiments.pipeline.line import Line
-from experiments.pipeline.live.following import follow
-from experiments.pipeline.live.session import ESTIMATES, Session
-from experiments.pipeline.live.shown import Publisher, Shown
-from experiments.studies.faults.judge import is_wrong, quiet_folder
-from experiments.studies.faults.scripted import plan_of
-from experiments.studies.faults.world import BEGAN_S, Motion
-from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
+from experiments.studies.faults.judge import Moment, quiet_folder
+from experiments.studies.faults.scripted import Watching, displayed, plan_of
 from experiments.studies.faults.wrong_worlds.rows import WORLDS, World
-from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
-from experiments.studies.faults.wrong_worlds.truth import motion_of
+from experiments.studies.faults.wrong_worlds.simulated import (
+    BODIES,
+    ScriptedMarks,
+    lines_of,
+    motion_of,
+    scene_of_body,
+    seen_of,
+)
 
 REFUSED = "refused"
 
-REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
-"""Squared radius of the 95 % region, by dimension [sigmas²]."""
-
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
 """Hue [degrees] and diameter [mm] of the reference marks of a scene with cameras; no other mark has this hue."""
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """The display at one time, and whether it was right.
-
-    of_frame: whether the display follows from a new frame; why: the displayed reason
-    advice: the displayed advice, None if there is none
-    error_m: error of the target [m]; covered: whether the truth lies in the 95 % region; wrong: see `is_wrong`
-    """
-
-    of_frame: bool
-    status: str
-    advice: str | None
-    why: str
-    error_m: float
-    covered: bool
-    wrong: bool
-
-    @property
-    def words(self) -> str:
-        """The displayed text, without its numbers."""
-        if self.advice == str(Advice.GO):
-            return self.advice
-        what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice
-        return _plain(f"{what}: {self.why}" if self.why else what)
-
-
-class Judging(Publisher):
-    """A `Publisher` that evaluates what is displayed from onset_s [s] on. State: the evaluated moments."""
-
-    def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
-        self._motion, self._target, self._onset_s = motion, target, onset_s
-        self.moments: list[Moment] = []
-
-    def publish(self, shown: Shown, line: Line) -> None:
-        """Evaluate the present display."""
-        time_s = shown.at_s - BEGAN_S
-        if time_s < self._onset_s:
-            return
-        truth, estimate, guidance = self._motion.at(time_s)[self._target], shown.estimate, shown.guidance
-        off, cov = truth - estimate.mean, estimate.cov
-        covered = False
-        if cov is not None and np.isfinite(off).all() and np.isfinite(cov).all():
-            covered = bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)])
-        self.moments.append(
-            Moment(
-                shown.step is not None,
-                str(estimate.status),
-                None if guidance is None else str(guidance.advice),
-                shown.fault or ("" if guidance is None else guidance.reason),
-                float(np.linalg.norm(off)),
-                covered,
-                is_wrong(estimate.mean, cov, truth),
-            )
-        )
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -104,6 +43,14 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
             return counted(moments_of(world, scene, case["seed"], duration_s, folder))
         except InputError as error:
             return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
+
+
+def words_of(moment: Moment) -> str:
+    """The displayed text, without its numbers."""
+    if moment.advice == str(Advice.GO):
+        return moment.advice
+    what = moment.status if moment.advice in (None, str(Advice.NO_GUIDANCE)) else moment.advice
+    return _plain(f"{what}: {moment.said}" if moment.said else what)
 
 
 def _plain(text: str) -> str:
@@ -119,24 +66,13 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
     motion = motion_of(scene, world.truth, seed, duration_s)
     nodes = scene.measured_nodes + (_anchors(scene) if world.reference else ())
     seen = world.seen(seen_of(scene, nodes, motion, seed), np.random.default_rng([seed, 13]))
-    judging = Judging(motion, scene.network.index(scene.target.node), world.onset_s)
     frames = ScriptedMarks(stated, lines_of(seen, world.sd_m))
-    clock = partial(getattr, frames, "now_s")
+    target, clock = scene.network.index(scene.target.node), partial(getattr, frames, "now_s")
+    watching = Watching(motion, target, clock, since_s=world.onset_s)
     try:
-        session = Session(
-            stated,
-            folder / ESTIMATES,
-            lambda _text: None,
-            needle=plan_of(scene),
-            publisher=judging,
-            clock=clock,
-            rehearse=False,
-        )
-        follow(session, frames, duration_s, clock)
-        session.close()
+        return displayed(watching, frames, stated, plan_of(scene), folder, duration_s, rehearse=False)
     finally:
         frames.close()
-    return judging.moments
 
 
 def stated_text(world: World, scene: Scene) -> str:
@@ -164,7 +100,7 @@ def counted(moments: list[Moment]) -> dict[str, Any]:
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]
-    shown = Counter(one.words for one in moments).most_common(1)
+    shown = Counter(map(words_of, moments)).most_common(1)
     return {
         "frames": sum(one.of_frame for one in moments),
         "tracking": len(tracking),

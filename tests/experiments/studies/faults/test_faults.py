@@ -163,7 +163,7 @@ def onset(monkeypatch):
     """Sets the onset of a fault, earlier than in the study [s]; runs of all lengths have one truth."""
 
     def at(onset_s):
-        for module in ("judge", "scripted", "camera"):
+        for module in ("judge", "scripted", "scripts"):
             monkeypatch.setattr(f"experiments.studies.faults.{module}.ONSET_S", onset_s)
         return onset_s
 
@@ -209,7 +209,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp
 )
 def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, onset, tmp_path, monkeypatch):
     """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
-    monkeypatch.setattr("experiments.studies.faults.loop.LASTS_S", 0.6)
+    monkeypatch.setattr("experiments.studies.faults.scripts.LASTS_S", 0.6)
     found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(3.0) + 1.4)
     assert shown in found.shown
     assert found.noticed_ms is not None

@@ -11,15 +11,21 @@ import pytest
 from dynamics import node_forces, rest_shape
 from experiments.errors import InputError
 from experiments.formats.scene.schema import SceneFile
-from experiments.studies.faults.judge import ONSET_S
+from experiments.studies.faults.judge import ONSET_S, Moment
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion
-from experiments.studies.faults.wrong_worlds.__main__ import main
-from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
+from experiments.studies.faults.wrong_worlds.__main__ import main, markdown, rows_of
 from experiments.studies.faults.wrong_worlds.rows import WORLDS
-from experiments.studies.faults.wrong_worlds.run import Moment, counted, run, stated_text
-from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
-from experiments.studies.faults.wrong_worlds.table import markdown, rows_of
-from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Truth, motion_of
+from experiments.studies.faults.wrong_worlds.run import counted, run, stated_text, words_of
+from experiments.studies.faults.wrong_worlds.simulated import (
+    AS_STATED,
+    BODIES,
+    ScriptedMarks,
+    Truth,
+    lines_of,
+    motion_of,
+    scene_of_body,
+    seen_of,
+)
 
 SEED = 7000
 
@@ -119,7 +125,7 @@ def test_a_truth_that_has_no_rest_is_no_scene_that_is_refused(monkeypatch):
     def fails(*_args):
         raise InputError("no rest")
 
-    monkeypatch.setattr("experiments.studies.faults.wrong_worlds.truth.moved", fails)
+    monkeypatch.setattr("experiments.studies.faults.wrong_worlds.simulated.moved", fails)
     with pytest.raises(RuntimeError, match="truth: no rest"):
         motion_of(scene_of_body("breast"), Truth(onset_s=0.5), SEED, 1.0)
 
@@ -177,19 +183,20 @@ def test_a_script_gives_each_line_when_it_comes_and_ends_after_the_last():
 
 
 def moment(**changes) -> Moment:
-    usual = {"of_frame": True, "status": "TRACKING", "advice": "GO", "why": "", "error_m": 1e-3, "covered": True}
-    return Moment(**{"wrong": False, **usual, **changes})
+    usual = {"status": "TRACKING", "advice": "GO", "error_m": 1e-3, "covered": True, "wrong": False}
+    of_faults = {"time_s": 5.0, "age_s": 0.02, "why": "", "sigma_m": 1e-3, "well": True}
+    return Moment(**usual | of_faults | changes)
 
 
 def test_moments_are_counted():
     wrong, between = moment(wrong=True, covered=False, error_m=9e-3), moment(of_frame=False, wrong=True)
     moments = [moment()] * 5 + [wrong, between]
-    moments += [moment(advice="NO_GUIDANCE", status="LOST", why="no mark for 1.5 s")] * 2
+    moments += [moment(advice="NO_GUIDANCE", status="LOST", said="no mark for 1.5 s")] * 2
     found = counted(moments)
     expected = {"frames": 8, "tracking": 6, "tracking_wrong": 1, "covered": 5, "go": 7, "go_wrong": 2}
     assert {key: found[key] for key in expected} == expected
     assert found["error_mm"] == pytest.approx(1.0)
-    assert (found["shown"], moments[-1].words) == ("GO", "LOST: no mark for … s")
+    assert (found["shown"], words_of(moments[-1])) == ("GO", "LOST: no mark for … s")
 
 
 def test_a_row_of_which_any_body_is_beyond_half_a_percent_is_marked():

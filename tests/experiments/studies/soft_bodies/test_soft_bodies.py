@@ -8,8 +8,8 @@ from scipy.sparse.linalg import spsolve
 
 from dynamics.mesh import Tissue, lumped_masses, rest_stiffness
 from experiments.studies.soft_bodies import __main__ as study
-from experiments.studies.soft_bodies import bodies, run
-from experiments.studies.soft_bodies.truth import motion
+from experiments.studies.soft_bodies import bodies
+from experiments.studies.soft_bodies.bodies import motion
 from tests.dynamics.blocks import block
 
 FAT = Tissue("fat", 3e3, 0.4, 950.0, 0.05)
@@ -49,7 +49,7 @@ def test_forces_without_a_solution_end_in_one_line():
 
 def test_the_target_of_a_soft_block_is_found_and_covered(monkeypatch):
     monkeypatch.setattr(bodies, "SECONDS", 4.0)
-    found = run.run({"body": "block, 27 nodes", "seed": 20})
+    found = study.run({"body": "block, 27 nodes", "seed": 20})
     assert found["moved_mm"] > 1.0
     assert found["filter_mm"] < 0.8 * found["thin_plate_mm"]
     assert found["covered"] > 0.85

@@ -1,1 +1,0 @@
-"""Subcommands for assessment: demonstration, benchmark, sweeps and faults."""

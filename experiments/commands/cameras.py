@@ -1,0 +1,150 @@
+"""Subcommands for cameras: calibration, recordings, hues of marks."""
+
+from __future__ import annotations
+
+import tomllib
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Fps, Vector
+from experiments.commands.run import Answer, Run
+from experiments.errors import InputError
+from experiments.plain import counted
+
+
+def calibrate(
+    run: Run,
+    board: Annotated[str, typer.Option("--board", help="Inner corners per side (ChArUco: squares), such as 9x6.")],
+    square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
+    out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
+    pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,
+    camera: Annotated[
+        list[str] | None, typer.Option("--camera", help="Name and picture folder of a camera, NAME=FOLDER; repeat.")
+    ] = None,
+    charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
+    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
+    plane: Annotated[
+        Path | None, typer.Option("--plane", help="Picture of the board in the plane of the marks.")
+    ] = None,
+    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Lens file to write for OpenCV.")] = None,
+    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Lens file to write for ROS.")] = None,
+    vector: Vector = None,
+    force: Force = False,
+) -> Answer:
+    """Estimate lens and pose of cameras, with their uncertainty, from pictures of a board."""
+    from experiments.commands.console import calibration_lines, calibration_table
+    from experiments.formats.camera_file import camera_text
+    from experiments.pipeline.calibrate import board_of
+    from experiments.pipeline.calibrate import command as calibrated
+    from experiments.plots.calibration import calibration_picture
+
+    printed = board_of(board, square_mm, charuco, marker_mm)
+    read = [*(pictures or []), *(Path(text.partition("=")[2]) for text in camera or []), plane]
+    done = calibrated(
+        pictures or [],
+        camera or [],
+        printed,
+        out,
+        plane=plane,
+        opencv_yaml=opencv_yaml,
+        ros_yaml=ros_yaml,
+        vector=vector,
+        picture=calibration_picture,
+        force=force,
+        stage=run.stage,
+        write=lambda files: run.write_files(files, read),
+        folder=lambda path: run.folder(path, force=force, inputs=read),
+    )
+    shown = [line for one in done for line in (calibration_table(one), *calibration_lines(one))]
+    line = f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}"
+    return Answer({"out": out, "cameras": [tomllib.loads(camera_text(one)) for one in done]}, [*shown, line])
+
+
+def record(
+    run: Run,
+    source: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Camera index, device, film, folder, stream, recording, phantom; for several: NAME=SOURCE each."
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into the recording.")] = None,
+    codec: Annotated[str, typer.Option("--codec", help="FFV1: lossless; MJPG: smaller files.")] = "FFV1",
+    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this time [s].")] = None,
+    fps: Fps = None,
+    recover: Annotated[
+        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces to a film.")
+    ] = None,
+    force: Force = False,
+) -> Answer:
+    """Record frames and their times until Ctrl-C; a killed recording loses at most its last second."""
+    run.not_with("--recover", "--scene", "--codec", "--seconds", "--fps", "--force")
+    from experiments.pipeline.recorder import join, record_source
+
+    if recover is not None and not source and out is None:
+        n_frames = join(recover, run.stage("join"))
+        run.finish(recover, recover)
+        return Answer({"out": recover, "frames": n_frames}, [f"{counted(n_frames, 'frame')} in {recover}"])
+    if recover is not None or not source or out is None:
+        raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
+    n_frames, n_dropped, has_scene = record_source(
+        source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force
+    )
+    run.finish(out, out, [*map(Path, source), scene])
+    dropped = f", {n_dropped} dropped" if n_dropped else ""
+    track = f"; next: softaim track {out} --out {out}-track" if has_scene else ""
+    return Answer(
+        {"out": out, "frames": n_frames, "dropped": n_dropped},
+        [f"{counted(n_frames, 'frame')}{dropped} in {out}{track}"],
+    )
+
+
+def hue(
+    run: Run,
+    source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
+    at: Annotated[
+        str | None, typer.Option("--at", help="Position U,V on a mark [px]; learns the mark's hue keys.")
+    ] = None,
+    frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
+    fps: Fps = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene with the keys to test.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="With --out: also write film.avi with the selected pixels coloured.")
+    ] = False,
+    force: Force = False,
+) -> Answer:
+    """Learn a mark's hue from one position in a picture, or show which pixels a scene's hue keys select."""
+    run.not_with("--at", "--scene", "--out", "--film", "--fps", "--force")
+    run.only_with("--at", "--frame")
+    run.only_with("--out", "--film", "--fps", "--force")
+    if at is not None:
+        return _learned(source, at, frame)
+    return _taken(run, source, scene, out, film=film, fps=fps, force=force)
+
+
+def _learned(source: str, at: str, frame: int) -> Answer:
+    from experiments.pipeline.hue import hue_lines
+
+    lines = hue_lines(source, at, frame)
+    keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
+    return Answer(keys, lines)
+
+
+def _taken(
+    run: Run, source: str, scene: Path | None, out: Path | None, *, film: bool, fps: float | None, force: bool
+) -> Answer:
+    from experiments.commands.console import sentence, taken_table
+    from experiments.film.taken import taken_over, verdicts
+
+    with nullcontext() if out is None else run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
+        done = taken_over(source, scene, folder, film=film, fps=fps)
+    figures, words = done.figures(), verdicts(done)
+    shown = [taken_table(figures, len(done.times_s)), *(sentence(one) for one in words)]
+    if out is not None:
+        shown.append(f"Table and pictures in {out}")
+    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": words}, shown)

@@ -1,1 +1,0 @@
-"""Subcommands that estimate the target, or the constants and noise levels of the model."""

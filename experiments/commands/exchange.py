@@ -1,0 +1,143 @@
+"""Subcommands for exchange with other programs: export of recordings, import of tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from experiments.commands.options import Force, Out, RecordingFolder, Replace, SceneFile
+from experiments.commands.run import Answer, Run
+from experiments.errors import InputError, coordinates, shown
+from experiments.plain import counted
+
+ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
+"""File name extensions by format; of the two for `plus`, PLUS uses the first and 3D Slicer the second."""
+
+
+def export(
+    run: Run,
+    recording: RecordingFolder,
+    to: Annotated[
+        Literal["mcap", "plus"],
+        typer.Option("--to", help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap, .igs.mha or .seq.mha.", show_default=False)],
+    estimates: Annotated[Path | None, typer.Option("--estimates", help="Output folder of `track` or `live`.")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded time since 1970.",
+        ),
+    ] = None,
+    scene: SceneFile = None,
+    force: Replace = False,
+) -> Answer:
+    """Write a recording and its estimates for Foxglove and ROS 2, or for PLUS and 3D Slicer."""
+    from experiments.formats.recording import read_recording
+    from experiments.pipeline.exchange.exported import exported
+
+    if not out.name.endswith(ENDINGS[to]):
+        raise InputError.at("--out", f"a name that ends in {' or '.join(ENDINGS[to])}", shown(out.name))
+    opened = exported(read_recording(recording, scene, run.stage("read")), estimates, start)
+    found: dict[str, Any] = {"out": out, "frames": len(opened.recording.exposures_s)}
+    with run.file(out, force=force, inputs=[recording, scene, estimates]) as file:
+        run.use(opened.recording.scene)
+        if to == "mcap":
+            from experiments.pipeline.exchange.ros import export_mcap
+
+            found["topics"] = export_mcap(opened, file, run.stage("export"))
+            lines = [f"{topic}: {counted(n, 'message')}" for topic, n in found["topics"].items()]
+        else:
+            from experiments.pipeline.exchange.plus import export_plus, picture_off_mm
+
+            found["placed"] = export_plus(opened, file, run.stage("export"))
+            lines = [f"{counted(found['frames'], 'frame')}; {found['placed']} of them with the target"]
+            if opened.recording.source is not None:
+                off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
+                lines.append(f"The pictures' affine map to the plane errs by up to {off_mm:.2f} mm at drawn marks")
+    lines.append(f"Written to {out}")
+    return Answer(found, lines)
+
+
+def import_table(
+    run: Run,
+    table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
+    scene: Annotated[Path, typer.Option("--scene", help="Scene file with the table's marks.", show_default=False)],
+    out: Out,
+    fps: Annotated[
+        float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
+    ] = None,
+    frames: Annotated[
+        Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
+    ] = None,
+    least: Annotated[
+        float, typer.Option("--least", min=0.0, max=1.0, help="Positions with a lower likelihood are omitted.")
+    ] = 0.6,
+    sd_px: Annotated[
+        float,
+        typer.Option("--sd-px", min=1e-3, max=1e3, help="Standard deviation of a position per axis [px]."),
+    ] = 1.0,
+    rename: Annotated[
+        list[str] | None,
+        typer.Option("--rename", help="PART=NODE renames the body part PART to NODE; PART= omits it."),
+    ] = None,
+    mm_per_px: Annotated[
+        float | None,
+        typer.Option(
+            "--mm-per-px",
+            min=1e-6,
+            max=1e3,
+            help="Scale [mm/px] of a camera that faces the plane; replaces the scene's camera.",
+        ),
+    ] = None,
+    origin_px: Annotated[
+        str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
+    ] = None,
+    individual: Annotated[
+        str | None,
+        typer.Option("--individual", help="With several animals: name of the animal (in SLEAP: track) to use."),
+    ] = None,
+    force: Force = False,
+) -> Answer:
+    """Convert positions of DeepLabCut or SLEAP into a recording, with the scene's camera."""
+    from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
+    from experiments.pipeline.exchange.marks import import_table as imported
+
+    times = fps if frames is None else frames
+    if times is None or (fps is not None and frames is not None):
+        raise InputError("import: expected --fps or --frames, found " + ("neither" if times is None else "both"))
+    if (mm_per_px is None) != (origin_px is None):
+        raise InputError("import: expected --mm-per-px and --origin-px, found one of them")
+    scale = None
+    if mm_per_px is not None and origin_px is not None:
+        u, v = coordinates("--origin-px", origin_px, 2, "U,V: a position [px]")
+        scale = plane_scale(mm_per_px, (u, v))
+    settings = ImportSettings(least, sd_px)
+    with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
+        done = imported(
+            table, scene, times, settings=settings, renamed=rename or [], scale=scale, individual=individual
+        )
+        run.use(done.scene)
+        write_imported(done, folder)
+    counts = done.counts()
+    seen = ", ".join(f"{node} {n}" for node, n in counts.items())
+    lines = [
+        f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}",
+        f"Positions omitted: {done.unlikely} with likelihood below {least:g}, {done.outside} outside the picture",
+        *([f"Positions set manually, used without a likelihood: {done.manual}"] if done.manual else []),
+        f"Recording in {out}; next: softaim identify if it shows the target, else softaim track",
+    ]
+    report = {
+        "frames": len(done.exposures_s),
+        "marks": counts,
+        "unlikely": done.unlikely,
+        "outside": done.outside,
+        "manual": done.manual,
+    }
+    return Answer({"out": out, **report}, lines)
+
+
+import_table.__name__ = "import"  # a keyword of Python cannot name a function

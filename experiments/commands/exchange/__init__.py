@@ -1,1 +1,0 @@
-"""Subcommands for exchange with other programs: export of recordings, import of tables."""

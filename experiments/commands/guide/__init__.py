@@ -1,1 +1,0 @@
-"""Subcommands for the needle: advice, planning, and simulated insertion."""

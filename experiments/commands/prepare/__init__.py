@@ -1,1 +1,0 @@
-"""Subcommands for preparation: projects, simulations, recordings, calibration and registration, hues."""

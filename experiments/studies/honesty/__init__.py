@@ -1,1 +1,0 @@
-"""Test of the filter's covariance for marks with any noise level; `__main__` has the command."""

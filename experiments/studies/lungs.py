@@ -1,0 +1,276 @@
+"""Real breathing lungs: the filter and a spline estimate inner landmarks from landmarks on the convex hull.
+
+    python -m experiments.studies.lungs FOLDER              # prints the table; --page writes it to docs/zoo.md
+
+FOLDER has tables `case1.csv` and so on, with columns `landmark,phase,x_mm,y_mm,z_mm`. Phase 0 is at the end of
+inhaling, the last phase at the end of exhaling. The page uses the landmarks of DIR-Lab [castillo2009], which are not
+part of the repository. Each lung is a body without anchors. Latest figures: docs/zoo.md.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, Delaunay, QhullError
+
+from dynamics import MassSpringNetwork, build_network
+from dynamics.mesh import far_apart
+from estimators import TissueFilter, coverage, normalised_error_squared
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.page import markdown_table
+from experiments.formats.tables import Table, read_table
+from experiments.studies.estimation.trials import Frames, frames_of
+from experiments.studies.grid import command, publish, runs_of, study_options
+from experiments.studies.zoo.run import thin_plate_weights
+from experiments.studies.zoo.scores import Followed, followed
+
+COLUMNS = ("landmark", "phase", "x_mm", "y_mm", "z_mm")
+PHASE_S = 0.4
+"""Interval between phases [s]: a tenth of a breath."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lung:
+    """One lung of a person.
+
+    name: name of the file and the side; positions: positions of its landmarks [m], (n_phases, n, 3)
+    hull, inner: indices of landmarks on the convex hull in the first phase, and of landmarks inside it
+    """
+
+    name: str
+    positions: Floats
+    hull: NDArray[np.int64]
+    inner: NDArray[np.int64]
+
+    @property
+    def times_s(self) -> Floats:
+        """Times of the phases [s], (n_phases,)."""
+        return np.arange(len(self.positions)) * np.float64(PHASE_S)
+
+    def seen(self, n: int | None) -> NDArray[np.int64]:
+        """Indices of n landmarks on the hull that are far from each other. If n is None, all landmarks on the hull."""
+        if n is None or n >= len(self.hull):
+            return self.hull
+        places = self.positions[0][self.hull]
+        return self.hull[far_apart(places, n)]
+
+
+def read_lungs(folder: Path) -> list[Lung]:
+    """Both lungs of each table `case*.csv` in a folder, in the order of file names. Raises InputError."""
+    paths = sorted(folder.glob("case*.csv"))
+    if not paths:
+        raise InputError.at(folder, "case1.csv and others", "none" if folder.is_dir() else "no folder")
+    return [lung for path in paths for lung in read_person(path)]
+
+
+def read_person(path: Path) -> list[Lung]:
+    """The two lungs of a table; the widest gap along x separates them. Raises InputError."""
+    positions = _by_phase(read_table(path, COLUMNS))
+    return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
+
+
+def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
+    """Whether each landmark belongs to the right and to the left lung, (n,) each; places: positions, (n, 3)."""
+    x = np.sort(places[:, 0])
+    gap = int(np.diff(x).argmax())
+    right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
+    return {"right": right, "left": ~right}
+
+
+def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
+    """The convex hull of the landmarks of a lung, (n, 3); raises InputError."""
+    try:
+        return ConvexHull(places)
+    except (QhullError, ValueError):
+        found = f"{len(places)} that do not"
+        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", found) from None
+
+
+def _by_phase(table: Table) -> Floats:
+    """Positions from a table with one row for each phase and landmark [m], (n_phases, n_landmarks, 3)."""
+    numbers = table.numbers
+    if table.n_rows == 0:
+        raise InputError.at(table.path, "a row for each landmark in each phase", "none")
+    for column in ("landmark", "phase"):
+        values = numbers[column]
+        table.check(column, (values >= 0) & (values == np.round(values)), "a whole number, 0 or more")
+    landmark, phase = numbers["landmark"].astype(int), numbers["phase"].astype(int)
+    counts = np.zeros((phase.max() + 1, landmark.max() + 1), dtype=int)
+    np.add.at(counts, (phase, landmark), 1)
+    if len(counts) < 2:
+        raise InputError.at(f"{table.path}: phase", "two phases or more", "one")
+    for p, k in np.argwhere(counts != 1):
+        found = "none" if counts[p, k] == 0 else f"{counts[p, k]}"
+        raise InputError.at(f"{table.path}: landmark {k}, phase {p}", "one row", found)
+    positions = np.empty((*counts.shape, 3))
+    for axis, column in enumerate(COLUMNS[2:]):
+        positions[phase, landmark, axis] = 1e-3 * numbers[column]
+    return positions
+
+
+def _lung(path: Path, side: str, positions: Floats) -> Lung:
+    hull = np.unique(hull_of(path, side, positions[0]).simplices).astype(np.int64)
+    inner = np.setdiff1d(np.arange(positions.shape[1]), hull)
+    if not len(inner):
+        raise InputError.at(f"{path}: {side} lung", "landmarks inside its hull", "none")
+    return Lung(f"{path.stem} {side}", positions, hull, inner)
+
+
+@dataclass(frozen=True, slots=True)
+class LungConstants:
+    """Constants, which are the same for all lungs.
+
+    strand_n: stiffness of a spring times its length [N], for a strand of 20 mm x 20 mm with 2 kPa; choice
+    damping_s: dashpot of a spring divided by its stiffness [s], because air and blood follow slowly; choice
+    mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
+    reading_sd_m: sd of a landmark's read position on each axis [m]; source: readers differ by about 1 mm
+    """
+
+    strand_n: float = 0.8
+    damping_s: float = 0.1
+    mass_kg: float = 0.5
+    reading_sd_m: float = 1e-3
+
+
+def node_name(landmark: int) -> str:
+    """Name of a landmark's node."""
+    return f"L{landmark}"
+
+
+def edges_of(points: Floats) -> NDArray[np.int64]:
+    """Edges of the Delaunay tetrahedra of points (n, 3), each once, (n_edges, 2)."""
+    tetrahedra = Delaunay(points).simplices
+    pairs = np.concatenate([tetrahedra[:, pair] for pair in combinations(range(4), 2)])
+    return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
+
+
+def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
+    """The network with nodes at these points, its rest shape [m], (n, 3); without gravity."""
+    n = len(points)
+    springs = edges_of(points)
+    lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
+    stiffness = constants.strand_n / lengths
+    return build_network(
+        list(map(node_name, range(n))),
+        points,
+        springs.tolist(),
+        stiffness=stiffness,
+        damping=constants.damping_s * stiffness,
+        masses=constants.mass_kg / n,
+        rest_lengths=lengths,
+        gravity=np.zeros(3),
+    )
+
+
+SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
+"""Numbers of landmarks on the hull that the methods see, by name; None: all."""
+
+
+def by_spline(lung: Lung, seen: str) -> pd.DataFrame:
+    """Errors without motion and of a thin-plate spline: a row for each phase but the first, and inner landmark.
+
+    seen: one of `SEEN`
+    """
+    marked = lung.seen(SEEN[seen])
+    start, truth = lung.positions[0], lung.positions[1:, lung.inner]
+    moved = lung.positions[1:, marked] - start[marked]
+    spline = start[lung.inner] + thin_plate_weights(start[marked], start[lung.inner]) @ moved
+    return pd.DataFrame(
+        {
+            "lung": lung.name,
+            "seen": seen,
+            "phase": np.repeat(np.arange(1, len(lung.positions)), len(lung.inner)),
+            "nothing_mm": 1e3 * np.linalg.norm(start[lung.inner] - truth, axis=2).ravel(),
+            "spline_mm": 1e3 * np.linalg.norm(spline - truth, axis=2).ravel(),
+        }
+    )
+
+
+def inner_landmarks(job: tuple[Lung, str]) -> pd.DataFrame:
+    """Errors of all methods on one lung; job: the lung, and one of `SEEN`.
+
+    filter_mm, nees: error and NEES of the filter; if the filter failed, they are NaN, and `failure` has the reason
+    """
+    (lung, seen), constants = job, LungConstants()
+    filtered = followed_lung(lung, lung.seen(SEEN[seen]), constants)
+    found = by_spline(lung, seen).assign(filter_mm=np.nan, nees=np.nan, failure="")
+    if filtered.failure:
+        return found.assign(failure=f"not possible yet: {filtered.failure}")
+    errors = (filtered.means[1:] - lung.positions[1:, lung.inner]).reshape(-1, 3)
+    # the true position of a landmark, read by a person, has an error, too
+    read = filtered.covs[1:].reshape(-1, 3, 3) + constants.reading_sd_m**2 * np.eye(3)
+    return found.assign(filter_mm=1e3 * np.linalg.norm(errors, axis=1), nees=normalised_error_squared(errors, read))
+
+
+def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
+    """Frames of a lung, one for each phase, with marks on the landmarks with the indices `marked`."""
+    return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
+
+
+def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
+    """The filter's estimates of a lung's inner landmarks."""
+    network = lung_network(lung.positions[0], constants)
+    inner = [node_name(i) for i in lung.inner]
+    begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])
+    return followed(begun, network, inner, lung_frames(lung, marked, constants.reading_sd_m))
+
+
+HEAD = (
+    "landmarks seen",
+    "no motion [mm]",
+    "spline [mm]",
+    "filter [mm]",
+    "coverage",
+    "spline, all phases [mm]",
+    "filter, all phases [mm]",
+    "coverage, all phases",
+)
+
+
+def markdown(errors: pd.DataFrame) -> str:
+    """The table of all rows of `inner_landmarks`, and below it the lungs on which the filter failed."""
+    rows = []
+    for seen in SEEN:
+        own = errors[errors["seen"] == seen]
+        last = own[own["phase"] == own["phase"].max()]
+        exhaled = [_mean(last, f"{method}_mm") for method in ("nothing", "spline", "filter")]
+        all_phases = [_mean(own, f"{method}_mm") for method in ("spline", "filter")]
+        rows.append((seen, *exhaled, _covered(last), *all_phases, _covered(own)))
+    runs = errors.drop_duplicates(["lung", "seen"])
+    reasons = runs[runs["failure"] != ""].groupby("failure", sort=False).size()
+    failed = [f"- filter, {n} of {len(runs)} runs: {reason}" for reason, n in reasons.items()]
+    return (markdown_table(HEAD, rows) + "\n" + "\n".join(failed)).rstrip() + "\n"
+
+
+def _mean(table: pd.DataFrame, column: str) -> str:
+    """Mean of the column as text; empty if a value is missing, because the mean would then omit landmarks."""
+    return "" if table[column].isna().any() else f"{table[column].mean():.2f}"
+
+
+def _covered(table: pd.DataFrame) -> str:
+    nees = table["nees"].to_numpy()
+    return "" if np.isnan(nees).any() else f"{100 * coverage(nees, 3):.1f}%"
+
+
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the study on a folder of landmarks, and print the table."""
+    parser = study_options(__doc__, out=False, page="zoo.md")
+    parser.add_argument("folder", type=Path, help="folder with case1.csv and so on")
+    given = parser.parse_args(arguments)
+    jobs = [(lung, seen) for seen in SEEN for lung in read_lungs(given.folder)]
+    page = markdown(pd.concat(runs_of(inner_landmarks, jobs, given), ignore_index=True))
+    publish(given, page, {"lungs table": page})
+
+
+if __name__ == "__main__":
+    sys.exit(main())

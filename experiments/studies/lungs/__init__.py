@@ -1,1 +1,0 @@
-"""Study of breathing lungs: inner landmarks are estimated from landmarks on the hull; `__main__` has the command."""
