@@ -84,7 +84,7 @@ def faults(
     run: Run,
     out: Out,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="Name of a fault to test; repeat for several; default: all.")
+        list[str] | None, typer.Option("--only", help="Fault to test; repeat for several faults; default: all faults.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of runs of each fault.")] = 20,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first run.")] = 8000,

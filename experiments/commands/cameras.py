@@ -17,12 +17,15 @@ from experiments.plain import counted
 
 def calibrate(
     run: Run,
-    board: Annotated[str, typer.Option("--board", help="Inner corners per side (ChArUco: squares), such as 9x6.")],
+    board: Annotated[
+        str, typer.Option("--board", help="Inner corners (ChArUco: squares) along both sides, such as 9x6.")
+    ],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,
     camera: Annotated[
-        list[str] | None, typer.Option("--camera", help="Name and picture folder of a camera, NAME=FOLDER; repeat.")
+        list[str] | None,
+        typer.Option("--camera", help="NAME=FOLDER: a camera and its picture folder; repeat for each camera."),
     ] = None,
     charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
@@ -68,7 +71,7 @@ def record(
     source: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Camera index, device, film, folder, stream, recording, phantom; for several: NAME=SOURCE each."
+            help="Camera index, device, film, folder, stream, recording or phantom; for several: NAME=SOURCE each."
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
@@ -107,11 +110,13 @@ def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
     at: Annotated[
-        str | None, typer.Option("--at", help="Position U,V on a mark [px]; learns the mark's hue keys.")
+        str | None, typer.Option("--at", help="Learn the hue keys of the mark at this position U,V [px].")
     ] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
-    scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene with the keys to test.")] = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="Without --at: scene whose hue keys are tested.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
     film: Annotated[
         bool, typer.Option("--film", help="With --out: also write film.avi with the selected pixels coloured.")

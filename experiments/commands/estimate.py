@@ -41,7 +41,7 @@ def track(
     check: Annotated[
         bool,
         typer.Option(
-            "--check", help="Predict each mark from the others; if errors are too large, enlarge covariances."
+            "--check", help="Predict each mark from the other marks; if the errors are too large, enlarge covariances."
         ),
     ] = False,
     film: WithFilm = False,
@@ -167,7 +167,7 @@ def identify(
     out: SceneOut,
     scene: SceneFile = None,
     at_rest: Annotated[
-        bool, typer.Option("--at-rest", help="Correct only rest lengths, from a recording at rest.")
+        bool, typer.Option("--at-rest", help="Estimate only rest lengths, from a recording of the body at rest.")
     ] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,
@@ -217,7 +217,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Estimate the size of model errors from a recording without truth, and write a scene with it."""
+    """Estimate how large the model's errors are, from a recording without truth, and write a scene with the result."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

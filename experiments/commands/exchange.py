@@ -65,7 +65,9 @@ def export(
 def import_table(
     run: Run,
     table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
-    scene: Annotated[Path, typer.Option("--scene", help="Scene file with the table's marks.", show_default=False)],
+    scene: Annotated[
+        Path, typer.Option("--scene", help="Scene file that has the marks of the table.", show_default=False)
+    ],
     out: Out,
     fps: Annotated[
         float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
@@ -102,7 +104,7 @@ def import_table(
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Convert positions of DeepLabCut or SLEAP into a recording, with the scene's camera."""
+    """Convert positions from DeepLabCut or SLEAP into a recording, by the camera of the scene."""
     from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
 

@@ -95,7 +95,9 @@ def insert(
     scenario: ScenarioName,
     out: Out,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of runs of each policy.")] = 2000,
-    scene: Annotated[Path | None, typer.Option("--scene", help="Scene of the filter; default: the scenario's.")] = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="Scene of the filter; default: the scene of the scenario.")
+    ] = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: insertion from above.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the first run.")] = None,
     speed_mm_s: Annotated[

@@ -35,11 +35,14 @@ Fps = Annotated[
         help="Frame rate [frames/s] of a picture folder or the phantom; replaces a film's rate.",
     ),
 ]
-SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file to use in place of the recording's.")]
+SceneFile = Annotated[
+    Path | None, typer.Option("--scene", help="Scene file to use in place of the scene of the recording.")
+]
 WithFilm = Annotated[
     bool,
     typer.Option(
-        "--film", help="Write annotated film.avi (in space one film.NAME.avi per camera); worst frames in worst.png."
+        "--film",
+        help="Write an annotated film.avi (in space film.NAME.avi for each camera) and worst.png (worst frames).",
     ),
 ]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]

@@ -54,7 +54,9 @@ def new(
         str | None,
         typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
-    driven: Annotated[bool, typer.Option("--driven", help="With --fixed: these nodes are a moving wall.")] = False,
+    driven: Annotated[
+        bool, typer.Option("--driven", help="With --fixed: the fixed nodes belong to a wall that moves.")
+    ] = False,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
@@ -64,15 +66,24 @@ def new(
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: SD of target position per axis [mm]; default: 0."),
+        typer.Option(
+            "--target-sd-mm",
+            min=0.0,
+            help="With --mesh: standard deviation of the target's position per axis [mm]; default: 0.",
+        ),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: field with gland shares (0 to 1), or with labels for --region."),
+        typer.Option(
+            "--field", help="With --mesh: field with the share of gland (0 to 1), or with the labels of --region."
+        ),
     ] = None,
     region: Annotated[
         list[str] | None,
-        typer.Option("--region", help="With --mesh: LABEL=TISSUE (repeat); fat, gland, fibrous, skin, fascia, muscle."),
+        typer.Option(
+            "--region",
+            help="With --mesh: LABEL=TISSUE; repeat for several. Tissues: fat, gland, fibrous, skin, fascia, muscle.",
+        ),
     ] = None,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's random deviations from the scene.")
@@ -118,11 +129,16 @@ def check(
     out: Annotated[Path | None, typer.Option("--out", help="Folder for check.png and check.json.")] = None,
     fps: Annotated[
         float | None,
-        typer.Option("--fps", min=0.1, max=1e5, help="Frame rate [frames/s]; default: the recording's, else 30."),
+        typer.Option("--fps", min=0.1, max=1e5, help="Frame rate [frames/s]; default: from the recording, else 30."),
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Mark SD per axis [mm]; default: recording's or camera's."),
+        typer.Option(
+            "--sd-mm",
+            min=1e-6,
+            max=1e3,
+            help="Standard deviation of marks per axis [mm]; default: from the recording or camera.",
+        ),
     ] = None,
     vector: Vector = None,
     force: Force = False,
@@ -150,7 +166,7 @@ def simulate(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed; replaces the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed; replaces the seed of the scenario.")] = None,
     runs: Annotated[
         int | None, typer.Option("--runs", min=1, help="Number of recordings OUT/seed-N, with successive seeds.")
     ] = None,
