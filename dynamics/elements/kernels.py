@@ -126,7 +126,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
     """Energy density divided by mu, and theta, of element e; writes all scratch arrays but `h` and `inverse`.
 
-    x, v: positions and velocities of the nodes of the element's patch, (n_corners, 3)
+    x, v: positions and velocities of the nodes on which the element's energy depends, (n, 3)
     """
     F, T = s.F, s.T
     for i in range(3):

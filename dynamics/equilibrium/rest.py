@@ -40,7 +40,7 @@ def supported(network: MassSpringNetwork) -> MassSpringNetwork:
 
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
-    """Positions of all nodes at rest [m], (n_nodes, dim): the minimum of the energy next to the drawn shape.
+    """Positions of all nodes at rest [m], (n_nodes, dim): the minimum of the energy nearest to the stated shape.
 
     force: a constant force on the free nodes [N], (n_free, dim); default: no force
     If the network has no anchors, gravity is omitted (`supported`), and the rest shape is aligned with the drawn shape.

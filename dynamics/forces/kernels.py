@@ -560,7 +560,7 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
 
 @njit(cache=True, nogil=True)
 def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-def]
-    """Matrices K and C of `tangents` at several states (n_points, n_state), (n_points, n_half, n_half) each."""
+    """Matrices K and C of `tangents`, each (n_points, n_half, n_half), at states (n_points, n_state)."""
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim

@@ -55,7 +55,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
     """Write derivatives of coordinates and velocities into columns of `found`, from column `start` on.
 
-    speeds: derivatives of velocities, (n, k); once: velocities after a product with the resolvent A, (n, k)
+    speeds: derivatives of velocities, (n, k); once: A times these derivatives, (n, k), with the resolvent A
     """
     n, k = once.shape
     for i in range(n):
@@ -93,7 +93,7 @@ def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add(to, columns, scale):  # type: ignore[no-untyped-def]
-    """Add scale C C' to the leading k x k block of a matrix; C: the columns, (k, any)."""
+    """Add `scale` times C C' to the leading k x k block of the matrix `to`; C is `columns`, (k, any)."""
     squares = columns @ columns.T
     for i in range(len(squares)):
         for j in range(len(squares)):

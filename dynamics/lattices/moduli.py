@@ -72,7 +72,7 @@ def effective_moduli(network: MassSpringNetwork) -> Moduli:
 
 
 def spring_stiffness(network: MassSpringNetwork) -> csc_array:
-    """Stiffness matrix of a network's springs as drawn [N/m], (3 n_nodes, 3 n_nodes); NetworkError in the plane."""
+    """Stiffness matrix [N/m] of the springs in the drawn shape, (3 n_nodes, 3 n_nodes); NetworkError if it is flat."""
     if network.dim != 3:
         raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
     body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])

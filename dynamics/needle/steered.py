@@ -213,7 +213,7 @@ def _solid_steps(
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
     """Cutting and friction forces f(u) [N], (n,), at the sliding speeds u that solve u = free - gives f(u).
 
-    free: speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: largest forces, as in `shaft`
+    free: speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: largest forces [N], (n,)
     """
     u, secant = free, np.zeros_like(most)
     for _ in range(SLIDES):

@@ -35,7 +35,7 @@ class Innovations:
     nis, logs : (k,)
         Normalised innovation squared, and logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Whether each named block is an outlier. An outlier has innovation 0 and a large variance.
+        Whether the coordinates of each name (a mark) are an outlier. An outlier has innovation 0 and a large variance.
     overall : (m,), (m, m)
         Mean and covariance of the innovation over all hypotheses, before outliers are removed.
     """

@@ -79,7 +79,7 @@ def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]
 
 
 def kept_runs(work: Work, cases: Sequence[Case], folder: Path, given: argparse.Namespace) -> Study:
-    """Do the runs that the folder lacks, and store them there; given: options of `study_options`. Raises InputError."""
+    """Do the runs that the folder lacks, and store them there; `given` has the options of `study_options`."""
     with progress() as stage:
         return run_study(work, cases, folder, Workers(given.processes, given.scheduler), stage(folder.name))
 

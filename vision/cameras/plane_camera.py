@@ -185,7 +185,7 @@ class PlaneCamera:
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 
     def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Projections of points on the plane, (n, 2), and Jacobians of the projection, (n, 2, 2)."""
+        """Pixel positions [px], (n, 2), of points that lie on the plane, and their Jacobians [px/m], (n, 2, 2)."""
         ideal, J = self._mapped(self.plane_to_px, points_m)
         if self.lens is None:
             return ideal, J

@@ -87,7 +87,7 @@ def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) ->
 def triangulated(
     cameras: Sequence[SpaceCamera], places_px: ArrayLike, covs_px2: ArrayLike, steps: Sequence[Floats] | None = None
 ) -> Triangulated:
-    """Triangulate one point that two or more cameras see. The arrays of the result have one entry.
+    """Triangulate one point that two or more cameras see. The first axis of each array in the result has length 1.
 
     places_px, covs_px2: positions of the point in the pictures [px], (n, 2), and covariances [px²], (n, 2, 2)
     steps: calibration errors of each camera, as in `Seen`; default: `calibration_steps`
@@ -153,7 +153,7 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
-    Row i of all arrays belongs to one independent error. An error that does not affect a camera has zeros in its array.
+    Row i of all arrays belongs to one independent error. If this error does not affect a camera, its row is zero there.
     Cameras with equal numbers of rows above 15 are assumed to be calibrated together, and therefore share errors.
     """
     sizes = [len(camera.calibration) for camera in cameras]

@@ -10,7 +10,7 @@ from vision.sources.frames import Closing, Frame
 
 
 class FrameFile(Protocol):
-    """Protocol of a file of frames in order. The file is open until it is closed."""
+    """Interface of a file that delivers its frames in order. The file is open until `close` is called."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames from the first one on."""

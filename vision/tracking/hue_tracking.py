@@ -48,7 +48,7 @@ class AdaptiveHue:
         return squared / settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
-        """Update the colour range with the colours of found marks. Occluded and clipped marks are ignored."""
+        """Update the colour range with the colours of found marks. Marks that are partly hidden are ignored."""
         first, settings = self._first, self._settings
         colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.occluded or d.clipped)]
         if not colors:

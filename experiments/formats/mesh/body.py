@@ -135,7 +135,7 @@ def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body with new elements whose edges have this length [m].
 
     Each old node is assigned to the nearest new node. A number at a new node is the mean over its old nodes; if it has
-    none, it is the number at the nearest old node. Elements and faces get the numbers of the nearest old ones.
+    none, it is the number at the nearest old node. Each new element or face takes the label of the nearest old one.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

@@ -46,7 +46,7 @@ _blocked = _kept(lambda _k, _rng: False)
 
 
 def _frozen(n_pictures: int) -> Arrives:
-    """A fault that repeats the last n_pictures pictures before the onset in turn."""
+    """A fault that, from its onset on, repeats the last n_pictures earlier pictures in their order."""
 
     def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
