@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
 PACKAGES = ("softaim", "dynamics", "estimators", "vision")
@@ -148,18 +149,11 @@ def _imported(name: str, module: str) -> bool:
 
 
 def _resolves(dotted: str) -> bool:
-    parts = dotted.split(".")
-    for k in range(len(parts), 0, -1):
-        try:
-            thing: Any = importlib.import_module(".".join(parts[:k]))
-        except ModuleNotFoundError:
-            continue
-        for part in parts[k:]:
-            if not hasattr(thing, part):
-                return False
-            thing = getattr(thing, part)
-        return True
-    return False
+    try:
+        resolve_name(dotted)
+    except (ImportError, AttributeError):
+        return False
+    return True
 
 
 @cache

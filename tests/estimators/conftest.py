@@ -30,10 +30,7 @@ def rest_state(phantom):
 
 
 def driven(network, state, forces):
-    """States at 0, STEP, 2 STEP, ... [s] under forces (n, n_free, dim) [N], each held for STEP, by DOP853.
-
-    Tolerances 1e-8 and 1e-10 m: a hundred thousand times finer than any mark of the tests is seen.
-    """
+    """States at 0, STEP, 2 STEP, ... [s] under forces (n, n_free, dim) [N], each held for STEP, by DOP853."""
     rate, states, step = motion(network), [np.asarray(state, dtype=float)], STEP
     for force in forces:
         solver = DOP853(
@@ -82,6 +79,13 @@ def marks_of(network, state, sd=0.0, rng=None, nodes=OUTER):
     return [MarkMeasurement(node, state[network.coordinates(node)] + noise[node], cov) for node in nodes]
 
 
+def resting_frames(network, n_frames, sd, nodes=OUTER, by=0.0):
+    """Frames (time [s], marks), 30 a second, of these nodes at rest so far aside [m], a number or (dim,)."""
+    free, rng = network.positions[network.free] + by, np.random.default_rng(0)
+    state = pack(free, np.zeros_like(free))
+    return [(k / 30.0, marks_of(network, state, sd, rng, nodes)) for k in range(n_frames)]
+
+
 @lru_cache
 def poked_frames(seconds, sd, seed):
     """Frames (time [s], marks) of the poked phantom, 30 a second, and its states, (n, n_state)."""
@@ -107,13 +111,13 @@ def hidden(phantom):
 
 
 @pytest.fixture(scope="session")
-def warmed(phantom, rest_state):
+def warmed(phantom):
     """A filter of the hidden mass that has seen the phantom at rest for half a second, given its marks' sd [m]."""
 
     @lru_cache
     def first(sd):
-        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0)
-        followed(tissue, [(k / 30.0, marks_of(phantom, rest_state, sd, rng)) for k in range(15)])
+        tissue = TissueFilter(phantom, HIDDEN, OUTER)
+        followed(tissue, resting_frames(phantom, 15, sd))
         return tissue
 
     return lambda sd: deepcopy(first(sd))

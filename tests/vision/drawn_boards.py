@@ -20,11 +20,11 @@ def seen(lens: Lens, pose: Pose, points_m: np.ndarray) -> np.ndarray:
     return cv2.projectPoints(points_m, turn, pose.translation_m, lens.matrix, lens.distortion)[0].reshape(-1, 2)
 
 
-def sub_pixel_rays(lens: Lens, size_px: tuple[int, int] = SIZE_PX, sub: int = SUB) -> np.ndarray:
+def sub_pixel_rays(lens: Lens) -> np.ndarray:
     """Directions x/z, y/z of all sub-pixels, (2, height * sub * width * sub), to 0.003 px."""
-    offsets = (np.arange(sub) + 0.5) / sub - 0.5
-    u = (np.arange(size_px[0])[:, None] + offsets).ravel()
-    v = (np.arange(size_px[1])[:, None] + offsets).ravel()
+    offsets = (np.arange(SUB) + 0.5) / SUB - 0.5
+    u = (np.arange(SIZE_PX[0])[:, None] + offsets).ravel()
+    v = (np.arange(SIZE_PX[1])[:, None] + offsets).ravel()
     px = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     return cv2.undistortPoints(px[:, None], lens.matrix, lens.distortion).reshape(-1, 2).T.astype(np.float32)
 
@@ -47,18 +47,7 @@ def print_of(board: Board, per_square: int = 60, *, legacy: bool = False) -> np.
     return np.pad(inner, per_square, constant_values=255)
 
 
-def drawn(
-    board: Board,
-    pose: Pose,
-    rays: np.ndarray,
-    *,
-    rng: np.random.Generator,
-    blur_px: float = 0.7,
-    noise: float = 2.0,
-    size_px: tuple[int, int] = SIZE_PX,
-    sub: int = SUB,
-    legacy: bool = False,
-) -> np.ndarray:
+def drawn(board: Board, pose: Pose, rays: np.ndarray, *, rng: np.random.Generator, legacy: bool = False) -> np.ndarray:
     """The board in grey light, (height, width) uint8; `rays` are those of `sub_pixel_rays`."""
     texture = print_of(board, legacy=legacy)
     per_square = texture.shape[1] / (board.columns + 3)
@@ -67,13 +56,13 @@ def drawn(
     x, y, w = to_plane[:, :2] @ rays + to_plane[:, 2:]
     c = (x / w / board.square_m + (board.columns + 3) / 2) * per_square - 0.5
     r = ((board.rows + 3) / 2 - y / w / board.square_m) * per_square - 0.5
-    grid = (size_px[1] * sub, size_px[0] * sub)
+    grid = (SIZE_PX[1] * SUB, SIZE_PX[0] * SUB)
     bright, border = 35.0 + 170.0 / 255.0 * texture.astype(np.float32), cv2.BORDER_CONSTANT
     at = c.reshape(grid), r.reshape(grid)
     light = cv2.remap(bright, *at, cv2.INTER_LINEAR, borderMode=border, borderValue=110.0)
-    shape = (size_px[1], sub, size_px[0], sub)
-    picture = cv2.GaussianBlur(light.reshape(shape).mean(axis=(1, 3)), (0, 0), blur_px)
-    return np.rint(picture + rng.normal(0.0, noise, picture.shape)).clip(0, 255).astype(np.uint8)
+    shape = (SIZE_PX[1], SUB, SIZE_PX[0], SUB)
+    picture = cv2.GaussianBlur(light.reshape(shape).mean(axis=(1, 3)), (0, 0), 0.7)
+    return np.rint(picture + rng.normal(0.0, 2.0, picture.shape)).clip(0, 255).astype(np.uint8)
 
 
 def poses(n: int, rng: np.random.Generator, *, far_m: float = 0.36) -> list[Pose]:

@@ -33,10 +33,7 @@ def test_of_all_corrections_it_is_the_smallest():
 
 
 def test_noise_is_not_followed_further_than_rest_lengths_are_known():
-    """40 tissues seen to 4 mm, rest lengths known to 1 %: nearer to the hidden mass's rest than picture and model were.
-
-    With rest lengths known to next to nothing it is the picture's error again.
-    """
+    """40 tissues seen to 4 mm, rest lengths known to 1 %: nearer to the hidden mass's rest than picture and model."""
     rng = np.random.default_rng(0)
     firm, loose, before, pictured = [], [], [], []
     for seed in range(40):

@@ -87,11 +87,8 @@ def test_values_for_each_and_ends_by_place_in_space():
 FAULTS = [
     ({"edges": [("left", "ball"), ("right", "bal")]}, 'edges[1] (right-bal): no node named "bal"'),
     ({"edges": [(0, 2), (1, 3)]}, "edges[1] (1-3): expected nodes 0 to 2, found 3"),
-    ({"edges": [(0, 2), (1, -1)]}, "edges[1] (1--1): expected nodes 0 to 2, found -1"),
     ({"edges": [(0, 2), (1, 2.0)]}, "edges[1] (1-2.0): expected the name or the place of a node, found 2.0"),
-    ({"edges": [(0, 2), (1, True)]}, "edges[1] (1-True): expected the name or the place of a node, found True"),
     ({"edges": [("left", "ball"), ("right",)]}, "edges[1] (right): expected two nodes, found 1"),
-    ({"edges": [("left", "ball"), "right"]}, "edges[1] (right): expected two nodes, found 1"),
     ({"edges": [("left", "ball"), ("ball", 2)]}, "edges[1] (ball-2): expected two different nodes, found one"),
     ({"edges": [*EDGES, ("ball", "left")]}, "edges[2] (ball-left): expected each pair once, found it as edges[0], too"),
     ({"edges": [0, 2]}, "edges[0] (0): expected two nodes, found 1"),
@@ -101,7 +98,6 @@ FAULTS = [
     ({"names": ("left", "ball")}, "positions: expected one for each of 2 nodes, found shape (3, 2)"),
     ({"positions": [0.0, 1.0, 2.0]}, "positions: expected one for each of 3 nodes, found shape (3,)"),
     ({"positions": [[0.0, 1.0], [2.0], [3.0, 4.0]]}, "positions: expected numbers, found [[0.0, 1.0], [2.0],"),
-    ({"positions": [["a", "b"], [0.0, 1.0], [3.0, 4.0]]}, "positions: expected numbers, found [['a', 'b'],"),
     ({"positions": [[np.nan, 0.0], *PLACES[1:]]}, "positions: expected finite numbers, found nan"),
     ({"fixed": ["left", "top"]}, 'fixed: no node named "top"'),
     ({"fixed": "left"}, 'fixed: expected a list of names, found the text "left"'),
@@ -110,7 +106,6 @@ FAULTS = [
     ({"stiffness": "stiff"}, "stiffness: expected numbers, found 'stiff'"),
     ({"masses": [1.0, 2.0]}, "masses: expected one number or one for each of 3 nodes, found shape (2,)"),
     ({"masses": 0.0}, 'node "ball" mass: expected more than 0 kg, found 0'),
-    ({"gravity": "down"}, "gravity: expected numbers, found 'down'"),
     ({"rest_lengths": "drawn"}, 'rest_lengths: expected "at rest", "as drawn" or numbers, found "drawn"'),
     (
         {"edges": [("left", "ball")], "stiffness": 400.0},

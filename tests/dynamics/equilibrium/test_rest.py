@@ -3,17 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics import (
-    NetworkError,
-    Stepper,
-    equilibrium_with_fixed,
-    node_forces,
-    pack,
-    reaches,
-    rest_shape,
-    state_matrix,
-    stiffness_matrix,
-)
+from dynamics import NetworkError, equilibrium_with_fixed, node_forces, reaches, rest_shape, stiffness_matrix
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -52,16 +42,6 @@ def test_of_two_rest_shapes_the_drawn_one_is_meant(build, side):
     np.testing.assert_allclose(rest_shape(arch)[1], [0.2, 0.15 * side], rtol=0, atol=1e-14)
 
 
-def test_motion_comes_to_rest_there(tangled):
-    """Slowest fading of the linearised motion is exp(Re lambda t); 40 of its times leave exp(-40) = 4e-18 of 5 cm."""
-    network = tangled(3)
-    rest = rest_shape(network)
-    slowest = -np.linalg.eigvals(state_matrix(network, rest)).real.max()
-    start = rest[network.free] + 0.05 * np.random.default_rng(2).normal(size=(3, 3))
-    end = Stepper(network).advance(pack(start, np.zeros((3, 3)))[None], 40.0 / slowest)
-    np.testing.assert_allclose(end[0], pack(rest[network.free], np.zeros((3, 3))), rtol=0, atol=1e-12)
-
-
 UNSTABLE = {
     "a hinge without weight turns freely": ([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], {}),
     "an arch drawn flat": ([[0.0, 0.0], [0.2, 0.0], [0.4, 0.0]], [(0, 1), (1, 2)], [0, 2], {"rest_lengths": 0.25}),
@@ -77,10 +57,7 @@ def test_no_stable_equilibrium_is_an_error(build, case):
 
 @pytest.mark.parametrize("turn", [0.0, 0.4, 2.0])
 def test_what_hangs_bent_from_one_anchor_rests_in_any_direction(build, turn):
-    """Two links, the ends of which a third spring holds nearer than straight: at rest, in the plane it was drawn in.
-
-    Nothing resists that it turns about the vertical, so that its stiffness is zero there, up to rounding.
-    """
+    """Two links, the ends of which a third spring holds nearer than straight: at rest, in the plane it was drawn in."""
     across = np.array([np.cos(turn), np.sin(turn), 0.0])
     places = np.array([np.zeros(3), 0.06 * across - [0.0, 0.0, 0.08], [0.0, 0.0, -0.16]])
     bent = build(
@@ -111,14 +88,6 @@ def test_what_is_held_stays_and_the_others_balance(phantom):
         assert np.abs(force[phantom.index(node)]).max() > 0.1
     for node in ("M2", "M4"):
         np.testing.assert_allclose(force[phantom.index(node)], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(shape[phantom.fixed], phantom.positions[phantom.fixed])
-
-
-def test_holding_nothing_is_the_rest_shape_and_holding_all_is_what_is_held(phantom):
-    np.testing.assert_allclose(equilibrium_with_fixed(phantom, {}), phantom.positions, rtol=0, atol=1e-14)
-    held = {name: phantom.positions[phantom.index(name)] + 0.01 for name in ("M1", "M2", "M3", "M4")}
-    shape = equilibrium_with_fixed(phantom, held)
-    np.testing.assert_array_equal(shape[phantom.free], phantom.positions[phantom.free] + 0.01)
     np.testing.assert_array_equal(shape[phantom.fixed], phantom.positions[phantom.fixed])
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import all_positions, derivative, pack, plain_derivative, plain_step, unpack
-from dynamics.forces.kernels import packed, runge_kutta, spring_forces
+from dynamics.forces.kernels import packed, runge_kutta
 from tests.dynamics.conftest import textbook_force
 
 
@@ -20,21 +20,6 @@ def run(network, states, outside, dt, n_steps):
     inverse_mass = np.zeros(network.n_nodes)
     inverse_mass[network.free] = 1.0 / network.masses[network.free]
     return runge_kutta(states, outside, dt, n_steps, network.positions, network.free, inverse_mass, packed(network))
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("n_points", [1, 2, 7, 33])
-def test_forces_of_a_batch_are_the_textbook_ones_point_by_point(tangled, dim, n_points):
-    """Equation in `textbook_force`. 1e-12 of tens of N: rounding, whose order the compiler may change."""
-    network = tangled(dim)
-    free_x, free_v = unpack(random_states(network, n_points), dim)
-    x = np.stack([all_positions(network, one) for one in free_x], axis=-1)
-    v = np.zeros_like(x)
-    v[network.free] = np.moveaxis(free_v, 0, -1)
-    force, pull, square = np.full_like(x, np.nan), np.empty(n_points), np.empty(n_points)
-    spring_forces(x, v, packed(network), pull, square, force)
-    for q in range(n_points):
-        np.testing.assert_allclose(force[..., q], textbook_force(network, x[..., q], v[..., q]), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

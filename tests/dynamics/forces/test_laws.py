@@ -1,4 +1,4 @@
-"""Every force law against finite differences: as a scalar function, and in everything that is assembled from it.
+"""Every force law against finite differences, in everything that is assembled from it.
 
 A new constant in `LAWS` needs a range in VALUES, and all tests below hold it to its own derivatives.
 """
@@ -12,12 +12,10 @@ from dynamics import (
     ParameterForces,
     Stepper,
     damping_matrix,
-    fit_rest_lengths,
     node_forces,
     pack,
     parameter_forces,
     parameters,
-    plain_step,
     potential_energy,
     rest_shape,
     scale_parameters,
@@ -26,19 +24,7 @@ from dynamics import (
     stiffness_matrix,
 )
 from dynamics.forces import kernels
-from dynamics.forces.kernels import (
-    FIELDS,
-    OF_SPRINGS,
-    NodeConstants,
-    SpringConstants,
-    node_resistance,
-    resistance_by_log_constants,
-    spring_potential,
-    spring_tension,
-    tension_by_length,
-    tension_by_log_constants,
-    tension_by_rate,
-)
+from dynamics.forces.kernels import FIELDS, OF_SPRINGS, NodeConstants, SpringConstants, node_resistance
 from dynamics.forces.tangent import RK4_RADIUS
 from tests.dynamics.conftest import moved, random_network, slope
 
@@ -92,15 +78,6 @@ def placed(network, everywhere, free):
     return found
 
 
-def constants(law, rng):
-    """Constants of one spring and of one node under this law."""
-    values = {kind: rng.uniform(*VALUES[kind]) if kind in kinds_of(law) else 0.0 for kind in KINDS}
-    return (
-        SpringConstants(**{kind: values[kind] for kind in SpringConstants._fields}),
-        NodeConstants(**{kind: values[kind] for kind in NodeConstants._fields}),
-    )
-
-
 def slope_of(function, at, h):
     """Derivative of a function of one number, five-point rule, error h⁴ f⁽⁵⁾ / 30."""
     f = [function(at + a * h) for a in (-2, -1, 1, 2)]
@@ -113,46 +90,6 @@ def test_every_kind_of_constant_belongs_to_one_law_and_to_a_field_of_its_element
     assert set(VALUES) == set(KINDS)
     for kinds in LAWS.values():
         assert len({kind in OF_SPRINGS for kind in kinds}) == 1
-
-
-@pytest.mark.parametrize("law", EACH)
-@pytest.mark.parametrize("stretch", [0.05, 0.5, 1.0, 1.7])
-def test_scalar_derivatives_of_a_spring_are_differences(law, stretch):
-    """T = dV/dl, dT/dl, dT/d(dl/dt) and dT/d(log of each constant). Forces up to 100 N, polynomials: rounding by h."""
-    c, _ = constants(law, np.random.default_rng(5))
-    length, rate, h = stretch * c.rest_length, -0.4, 1e-4
-    assert spring_tension(length, 0.0, c) == pytest.approx(
-        slope_of(lambda each: spring_potential(each, c), length, h), rel=1e-9, abs=1e-9
-    )
-    assert tension_by_length(length, rate, c) == pytest.approx(
-        slope_of(lambda each: spring_tension(each, rate, c), length, h), rel=1e-9, abs=1e-9
-    )
-    assert tension_by_rate(length, rate, c) == pytest.approx(
-        slope_of(lambda each: spring_tension(length, each, c), rate, h), rel=1e-9, abs=1e-9
-    )
-    by_log = tension_by_log_constants(length, rate, c)._asdict()
-    for kind, value in c._asdict().items():
-        changed = slope_of(
-            lambda log, kind=kind, value=value: spring_tension(length, rate, c._replace(**{kind: value * np.exp(log)})),
-            0.0,
-            1e-3,
-        )
-        assert by_log[kind] == pytest.approx(changed, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("law", EACH)
-@pytest.mark.parametrize("speed", [0.0, 2e-3, 0.5])
-def test_scalar_derivatives_of_a_node_are_differences(law, speed):
-    """dR/d(log of each constant): rounding."""
-    _, c = constants(law, np.random.default_rng(6))
-    by_log = resistance_by_log_constants(speed**2, c)._asdict()
-    for kind, value in c._asdict().items():
-        slope = slope_of(
-            lambda log, kind=kind, value=value: node_resistance(speed**2, c._replace(**{kind: value * np.exp(log)})),
-            0.0,
-            1e-3,
-        )
-        assert by_log[kind] == pytest.approx(slope, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("law", EACH)
@@ -239,7 +176,7 @@ def test_the_stability_limit_bounds_every_eigenvalue(law, dim):
     """|lambda| <= 2.6 / stable_step in shapes whose springs are 0.5 to 1.5 times their rest lengths, and not twice."""
     network, rng, closest = following(law, dim), np.random.default_rng(9), 0.0
     which = parameters(network, ("rest_length",))
-    for _ in range(20):
+    for _ in range(8):
         x = network.positions.copy()
         x[network.free] += 0.1 * rng.normal(size=x[network.free].shape)
         lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)
@@ -276,35 +213,3 @@ def test_energy_without_losses_is_kept_and_losses_only_take(law, dim):
     else:
         assert change.max() < 1e-9
         assert energies[-1] < 0.95 * energies[0]
-
-
-@pytest.mark.parametrize("law", EACH)
-@pytest.mark.parametrize("dim", [2, 3])
-def test_rest_lengths_fitted_to_a_shape_rest_there(law, dim):
-    """Whatever the laws are in the rest lengths: forces at the shape vanish, and it is the rest shape, to 1e-9 m."""
-    network = following(law, dim)
-    which = parameters(network, ("rest_length",))
-    change = 0.05 * np.random.default_rng(8).normal(size=len(which))
-    seen = rest_shape(scale_parameters(network, which, change))
-    assert np.abs(seen - rest_shape(network)).max() > 1e-3
-    fitted = fit_rest_lengths(network, seen)
-    np.testing.assert_allclose(fitted.positions, seen, rtol=0, atol=1e-9)
-    force = node_forces(fitted, seen, np.zeros_like(seen))[network.free]
-    np.testing.assert_allclose(force, 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_the_slip_velocity_is_numerical(phantom, monkeypatch, factor):
-    """Half of it and twice move a phantom hit by 0.5 m/s by less than 1 % of its own motion, and by something."""
-    rest = pack(phantom.positions[phantom.free], np.zeros((4, 2)))
-    state = rest.copy()
-    state[8:] += 0.5 * np.random.default_rng(10).normal(size=8)
-    ends, slip = [], kernels.SLIP_VELOCITY
-    for each in (1.0, factor):
-        monkeypatch.setattr(kernels, "SLIP_VELOCITY", each * slip)
-        path = [state]
-        for _ in range(12):
-            path.append(plain_step(phantom, path[-1], 1.0 / 24.0, 10))
-        ends.append(np.array(path)[:, :8] - rest[:8])
-    moved = np.sqrt(np.mean((ends[1] - ends[0]) ** 2)) / np.sqrt(np.mean(ends[0] ** 2))
-    assert 1e-6 < moved < 0.01

@@ -85,15 +85,6 @@ def test_order_two_on_a_linear_body(linear):
     assert errors[-1] < 1e-4 * np.abs(flow @ state).max()
 
 
-def test_derivative_of_a_linear_body_is_that_of_the_steps(linear):
-    """Differences of a linear map are exact but for rounding."""
-    stepper, _ = linear
-    state = np.random.default_rng(3).normal(size=15)
-    moves = stepper(LOOSE).moves(state, 0.1, 0.05)
-    columns = [end(stepper(LOOSE), state + e, 0.1, 0.05) - moves[-1].state for e in np.eye(15)]
-    np.testing.assert_allclose(by_state(moves), np.array(columns).T, rtol=0, atol=1e-11)
-
-
 def test_without_derivatives_the_states_are_the_same(linear):
     stepper, _ = linear
     state = np.ones(15)

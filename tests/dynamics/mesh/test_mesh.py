@@ -75,13 +75,6 @@ def test_the_surface_is_that_of_the_block(mesh):
     np.testing.assert_allclose(np.einsum("fd,fd->", areas, corners.mean(axis=1)), 3 * a * b * c, rtol=1e-12)
 
 
-def test_each_face_of_a_tetrahedron_is_counter_clockwise_from_outside():
-    faces = CORNERS[surface(TetMesh(CORNERS, ONE)).faces]
-    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    assert len(faces) == 4
-    assert (np.einsum("fd,fd->f", normals, faces.mean(axis=1) - CORNERS.mean(axis=0)) > 0.0).all()
-
-
 def test_points_are_their_weights_of_the_corners(mesh):
     points = np.random.default_rng(0).uniform(0.0, SIZE, (50, 3))
     elements, weights = locate(mesh, points)

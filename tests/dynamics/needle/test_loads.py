@@ -115,18 +115,6 @@ def test_friction_and_cutting_only_take_energy(network):
     assert (np.einsum("kid,kid->k", alone.nodes, v) + alone.on_needle @ (pose.speed * pose.direction)).max() < 0.0
 
 
-def test_a_batch_is_each_by_itself(network):
-    rng = np.random.default_rng(4)
-    needle = needle_into(network)
-    x = network.positions + 0.01 * rng.normal(size=(3, *network.positions.shape))
-    v = 0.05 * rng.normal(size=x.shape)
-    for punctured in (False, True):
-        together = needle_load(network, needle, 2.0, x, v, punctured=punctured).nodes
-        for k in range(3):
-            alone = needle_load(network, needle, 2.0, x[k], v[k], punctured=punctured).nodes
-            np.testing.assert_allclose(together[k], alone, rtol=0, atol=1e-14)
-
-
 @pytest.mark.parametrize("punctured", [False, True])
 def test_a_measured_push_lands_where_the_model_says(network, punctured):
     """The model's own push in full sliding, handed over as a number: the same force on every free node."""

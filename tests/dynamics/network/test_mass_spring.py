@@ -19,12 +19,9 @@ def triangle(build):
 
 FAULTS = [
     ({"positions": np.zeros(3)}, ["positions", "(n_nodes, 2) or (n_nodes, 3)", "found (3,)"]),
-    ({"positions": np.zeros((3, 4))}, ["positions", "(n_nodes, 2) or (n_nodes, 3)", "found (3, 4)"]),
-    ({"positions": np.zeros((3, 1))}, ["positions", "(n_nodes, 2) or (n_nodes, 3)", "found (3, 1)"]),
     ({"names": ("a", "b")}, ["positions", "expected shape (2, 2)", "found (3, 2)"]),
     ({"names": ("a", "b", "a")}, ['node "a"', "unique names", "twice"]),
     *(({key: np.ones(4)}, [key, "expected shape (3,)", "found (4,)"]) for key in PER_NODE + PER_SPRING),
-    *(({key: np.ones((3, 1))}, [key, "expected shape (3,)", "found (3, 1)"]) for key in PER_NODE + PER_SPRING),
     ({"gravity": [0.0, 0.0, -9.81]}, ["gravity", "expected shape (2,)", "found (3,)"]),
     *(({key: [1.0, np.nan, 1.0]}, [key, "finite", "found nan"]) for key in PER_NODE + PER_SPRING),
     ({"positions": [[0.0, 0.0], [np.inf, 0.0], [1.0, 1.0]]}, ["positions", "finite", "found inf"]),
@@ -36,7 +33,6 @@ FAULTS = [
     *(({key: [0.0, 0.0, -2.0]}, [f'node "N2" {key}', "0 or more", "found -2"]) for key in ("drag", "friction")),
     ({"springs": [(0, 1), (1, 0), (0, 1)]}, ['node "N2"', "at least one spring", "none"]),
     ({"springs": [(0, 1), (1, 2), (2, 3)]}, ["spring 2", "nodes 0 to 2", "found 2 and 3"]),
-    ({"springs": [(0, 1), (1, 2), (-1, 0)]}, ["spring 2", "nodes 0 to 2", "found -1 and 0"]),
     ({"springs": [(0, 1), (1, 2), (2, 2)]}, ["spring N2-N2", "two different nodes", "found one"]),
     *(({key: [1.0, 0.0, 1.0]}, [f"spring N1-N2 {key}", "more than 0", "found 0"]) for key in PER_SPRING[:2]),
     *(({key: [1.0, 1.0, -3.0]}, [f"spring N2-N0 {key}", "more than 0", "found -3"]) for key in PER_SPRING[:2]),
@@ -106,20 +102,6 @@ def test_a_state_is_positions_then_velocities_node_major():
     assert state.tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
     state = pack([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [[7.0, 8.0, 9.0], [10.0, 11.0, 12.0]])
     assert state.tolist() == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("lead", [(), (5,), (2, 3)])
-def test_pack_and_unpack_are_each_others_inverse(dim, lead):
-    # Exact: numbers are only moved.
-    rng = np.random.default_rng(1)
-    x, v = rng.normal(size=(2, *lead, 4, dim))
-    states = pack(x, v)
-    assert states.shape == (*lead, 8 * dim)
-    back_x, back_v = unpack(states, dim)
-    np.testing.assert_array_equal(back_x, x)
-    np.testing.assert_array_equal(back_v, v)
-    np.testing.assert_array_equal(pack(back_x, back_v), states)
 
 
 @pytest.mark.parametrize(("x", "v"), [((3, 2), (2, 2)), ((4,), (4,)), ((1, 3, 2), (3, 2))])

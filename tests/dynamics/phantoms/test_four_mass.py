@@ -17,17 +17,6 @@ def test_nodes_are_the_papers(phantom):
     np.testing.assert_allclose(phantom.positions[phantom.fixed], [[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0]], atol=1e-15)
 
 
-def test_left_mirrors_right(phantom):
-    """Under x -> -x M1 is M4 and In1 is In3, in positions and in springs. 1e-14 m: rounding of the rest shape."""
-    swapped = [phantom.index(MIRRORED[name]) for name in phantom.names]
-    np.testing.assert_allclose(phantom.positions[swapped], phantom.positions * [-1.0, 1.0], rtol=0, atol=1e-14)
-    springs = {frozenset(pair) for pair in phantom.springs.tolist()}
-    assert len(springs) == 10
-    assert {frozenset(swapped[i] for i in pair) for pair in springs} == springs
-    for key in ("stiffness", "damping"):
-        assert len(set(getattr(phantom, key).tolist())) == 1
-
-
 def test_it_is_drawn_at_rest_and_the_rest_is_stable(phantom):
     """Forces balance up to rounding, and every eigenvalue of the linearised motion fades (Re lambda < 0)."""
     np.testing.assert_allclose(rest_shape(phantom), phantom.positions, rtol=0, atol=1e-14)
@@ -39,19 +28,15 @@ def test_it_is_drawn_at_rest_and_the_rest_is_stable(phantom):
 
 
 @pytest.mark.parametrize("node", OUTER)
-@pytest.mark.parametrize("shape", ["half sine", "held"])
-def test_a_poke_of_10_m_s2_for_400_ms_does_not_turn_it_over(phantom, node, shape):
-    """Chosen strength: after a poke in any of 16 directions it comes back to the same rest shape.
-
-    It is moved by centimetres meanwhile. Ten seconds at a slowest rate of 5/s or faster leave exp(-50): rounding.
-    """
+def test_a_poke_of_10_m_s2_for_400_ms_does_not_turn_it_over(phantom, node):
+    """Chosen strength: after a poke in any of 16 directions it comes back to the same rest shape."""
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     push = 10.0 * 0.2 * np.column_stack([np.cos(angles), np.sin(angles)])
     rest = pack(phantom.positions[phantom.free], np.zeros((4, 2)))
     states, stepper, farthest, dt = np.tile(rest, (16, 1)), Stepper(phantom), 0.0, 1.0 / 120.0
-    for k in range(48):
+    for _ in range(48):
         forces = np.zeros((16, 8))
-        forces[:, phantom.coordinates(node)] = push * (np.sin(np.pi * (k + 0.5) / 48) if shape == "half sine" else 1.0)
+        forces[:, phantom.coordinates(node)] = push
         states = stepper.advance(states, dt, forces)
         farthest = max(farthest, np.abs(states - rest)[:, :8].max())
     assert farthest > 0.01

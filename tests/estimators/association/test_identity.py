@@ -62,7 +62,7 @@ def test_right_names_stay(phantom, frames, right):
     """Half of the marks lost at random, too: no alternative outlives the start, and the filter is left as it is."""
     rng = np.random.default_rng(0)
     lossy = [(t, [mark for mark in marks if k == 0 or rng.random() < 0.5]) for k, (t, marks) in enumerate(frames)]
-    for seen, expected in ((frames[:40], right[:40]), (lossy[:40], means(phantom, lossy[:40]))):
+    for seen, expected in ((frames[:25], right[:25]), (lossy[:25], means(phantom, lossy[:25]))):
         identity, made = followed(phantom, seen, lambda _k: {})
         assert identity.swaps == []
         assert identity.alternatives == []
@@ -71,10 +71,7 @@ def test_right_names_stay(phantom, frames, right):
 
 @pytest.mark.parametrize("order", [("M3", "M1", "M4"), ("M4", "M1", "M3")])
 def test_names_wrong_from_the_start_are_mended(phantom, frames, right, order):
-    """As soon as the filter tracks, 0.1 s after the start. Then it is as if never wrong.
-
-    Of three names permuted no mark fits: the filter begins again first, after 0.25 s, and tracks nothing until then.
-    """
+    """As soon as the filter tracks, 0.1 s after the start. Then it is as if never wrong."""
     wrong = dict(zip(OUTER, order, strict=True))
     identity, made = followed(phantom, frames[:20], lambda _k: wrong)
     assert {wrong[node] for node in OUTER} == set(OUTER)
@@ -104,22 +101,14 @@ def test_a_start_alone_tells_no_names(phantom, frames):
 def test_marks_of_different_hues_are_never_tried(phantom, frames):
     """M1 and M3 exchanged, though only M1 and M4 look alike: whatever is made of that, M3 stays M3."""
     identity, made = followed(
-        phantom, frames[:40], lambda k: {"M1": "M3", "M3": "M1"} if k >= 20 else {}, alike=[("M1", "M4"), ("M3",)]
+        phantom, frames[:28], lambda k: {"M1": "M3", "M3": "M1"} if k >= 20 else {}, alike=[("M1", "M4"), ("M3",)]
     )
     assert identity.interchangeable.nodes == ("M1", "M4")
     assert "M3" not in identity.node_of
     assert all("M3" not in swap.nodes for swap in identity.swaps)
-    for k, ((_, marks), one) in enumerate(zip(frames[:40], made, strict=True)):
+    for k, ((_, marks), one) in enumerate(zip(frames[:28], made, strict=True)):
         reported = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
         assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, reported.position)
-
-
-@pytest.mark.parametrize("alike", [[], [("M1",), ("M3",), ("M4",)]])
-def test_marks_of_which_none_are_alike_go_through(phantom, frames, alike):
-    identity, made = followed(phantom, frames[:10], lambda k: {"M1": "M3", "M3": "M1"} if k >= 5 else {}, alike)
-    assert identity.swaps == []
-    assert identity.alternatives == []
-    assert [mark.node for mark in made[-1].marks] == ["M3", "M1", "M4"]
 
 
 def test_one_mark_that_comes_back_by_the_name_of_another_is_reported(phantom, frames):

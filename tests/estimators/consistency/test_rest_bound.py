@@ -8,8 +8,6 @@ from scipy.optimize import brentq
 
 from dynamics import OUTER, four_mass_phantom, rest_shape
 from estimators import ForceMode, TissueModel, accumulated_noise, resting_bound
-from experiments.simulation.bodies.body import Scale
-from experiments.simulation.bodies.chains import chain
 from tests.networks import held_masses
 
 MARK = 1e-6 * np.eye(2)
@@ -57,20 +55,8 @@ def test_what_no_mark_sees_is_known_only_as_well_as_an_hour_of_shaking_leaves_it
     np.testing.assert_allclose(np.diag(found)[:2], np.diag(alone)[:2], rtol=1e-6)
 
 
-def test_a_rigid_chain_that_hangs_has_one() -> None:
-    """Links of 1e5 N/m and more, its end seen: the hidden joint to better than its reach, and not exactly."""
-    body = chain(2, 0, Scale(), 0.1)
-    marks = dict.fromkeys(body.marked, body.mark_sd_m**2 * np.eye(body.network.dim))
-    hidden = body.network.coordinates(body.hidden[0])
-    variance = np.trace(resting_bound(body.network, marks, 1.0 / 60.0, POKED, poked=body.marked)[hidden, hidden])
-    assert 1e-5 < np.sqrt(variance) < 0.1 * body.size_m
-
-
 def test_dry_friction_is_the_drag_of_its_own_speed() -> None:
-    """Under white noise of density q² a held mass moves at v² = q² m / 2 d along each axis, d = drag + friction / v.
-
-    The root of that equation by SciPy, v of both axes and with the speed of 5 mm/s at which friction builds up.
-    """
+    """Under white noise of density q² a held mass moves at v² = q² m / 2 d along each axis, d = drag + friction / v."""
     white, mass, drag, friction = 0.3, 0.5, 0.2, 0.05
 
     def excess(d: float) -> float:

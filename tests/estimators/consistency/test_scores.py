@@ -16,14 +16,6 @@ def test_crps_is_the_integral_of_its_definition(mean, sd, truth):
     assert crps_normal(mean, sd, truth) == pytest.approx(below + above, rel=1e-7)
 
 
-def test_the_energy_score_of_one_dimension_is_the_crps():
-    """20,000 draws: 3 / sqrt(20,000) of the spread."""
-    rng = np.random.default_rng(0)
-    means, sds, truths = rng.normal(size=20), rng.uniform(0.5, 2.0, 20), rng.normal(size=20)
-    drawn = energy_score(means[:, None], (sds**2)[:, None, None], truths[:, None], rng, 20_000)
-    np.testing.assert_allclose(drawn, crps_normal(means, sds, truths), rtol=0, atol=0.06)
-
-
 def test_the_energy_score_of_a_hit_in_the_plane():
     """At the mean of N(0, 1) in the plane: E|X| = sqrt(pi / 2) and E|X - X'| = sqrt(pi). 200,000 draws: 5e-3."""
     score = energy_score(np.zeros((1, 2)), np.eye(2)[None], np.zeros((1, 2)), np.random.default_rng(1), 200_000)
@@ -31,10 +23,10 @@ def test_the_energy_score_of_a_hit_in_the_plane():
 
 
 def test_transforms_of_right_predictions_are_uniform():
-    """Kolmogorov and Smirnov: p-values over 200 seeds are uniform themselves; under 5 % in 1 to 20 of them (99.9 %)."""
+    """Kolmogorov and Smirnov: p-values over 100 seeds are uniform themselves; under 5 % in 1 to 13 of them (99.9 %)."""
     low = 0
-    for seed in range(200):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         means, sds = rng.normal(size=50), rng.uniform(0.1, 3.0, 50)
         low += kstest(pit_normal(means, sds, means + sds * rng.normal(size=50)), "uniform").pvalue < 0.05
-    assert 1 <= low <= 20
+    assert 1 <= low <= 13

@@ -5,23 +5,17 @@ import pytest
 from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER, breast_phantom
-from estimators import MarkMeasurement, TissueFilter
+from estimators import TissueFilter
 from estimators.core.disturbances import Disturbances
-from tests.estimators.conftest import driven, followed, marks_of
+from tests.estimators.conftest import driven, followed, marks_of, resting_frames
 
-HZ = 1.0 / 30.0
 CYCLE_S = 1.0 / 30.0
 
 
 def settled(network, target, marked, by_m=0.002):
     """A filter after a second of marks that rest a little aside, seen to half a millimetre."""
-    unified, rng, cov = TissueFilter(network, target, marked), np.random.default_rng(0), 2.5e-7 * np.eye(network.dim)
-    rest = {name: network.positions[network.index(name)] + by_m for name in marked}
-    frames = []
-    for k in range(30):
-        seen = {name: at + 5e-4 * rng.normal(size=network.dim) for name, at in rest.items()}
-        frames.append((k * HZ, [MarkMeasurement(name, at, cov) for name, at in seen.items()]))
-    followed(unified, frames)
+    unified = TissueFilter(network, target, marked)
+    followed(unified, resting_frames(network, 30, 5e-4, marked, by_m))
     return unified
 
 
@@ -45,10 +39,7 @@ def test_tables_are_the_predictions_near_rest(near_rest):
 
 
 def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
-    """Truth: the chain leaves calm for poked or led, and each slow force for stronger ones, at the rates of the prior.
-
-    The rates of onsets have the factor that the filter has observed.
-    """
+    """Truth: the chain leaves calm for poked or led, each slow force for stronger ones, at the rates of the prior."""
     tables = near_rest.tables(16, CYCLE_S)
     often = near_rest.filter.rates[0, 1] / near_rest.process.rates[0, 1]
     assert 0.5 < often < 1.0

@@ -107,10 +107,7 @@ def test_columns_of_constants_are_derivatives_of_the_motion_by_them(network):
 
 @pytest.fixture(scope="module")
 def truth():
-    """Places of marks and target [m] by finite elements: another mesh, pressed by a plate after 1 s, and breathing.
-
-    3 s, by the trapezoidal rule on all nodes, in steps of an eighth of a frame.
-    """
+    """Places of marks and target [m] by finite elements: another mesh, pressed by a plate after 1 s, and breathing."""
     mesh = block((11, 9, 6), SIZE, jitter=0.2)
     free = np.setdiff1d(np.arange(len(mesh.nodes)), held(mesh))
     K = csc_array(rest_stiffness(mesh, 1.5 * FAT.young_pa, FAT.poisson, free))  # the filter has two thirds of it
@@ -166,11 +163,7 @@ def test_the_target_is_found_in_tissue_of_another_mesh_and_stiffness(tracked):
 
 
 def test_a_known_force_displaces_the_body_as_its_stiffness_does(network):
-    """0.5 N on the target for 3 s: u = K^-1 F, of which the modes have less than half.
-
-    The tables of the path state the same shift, but for what steps of 1/30 s miss of the modes; and without the force
-    nothing is left beyond the modes.
-    """
+    """0.5 N on the target for 3 s: u = K^-1 F, of which the modes have less than half."""
     push = np.zeros((len(network.free), 3))
     row = network.coordinates("target").start // 3
     push[row] = [0.3, 0.0, -0.4]

@@ -292,19 +292,6 @@ class Constant(Seen):
         return super().linearize(state)[0], self.rows
 
 
-def test_one_derivative_for_all_hypotheses_gives_what_one_for_each_gives() -> None:
-    rates = np.array([[-0.4, 0.4], [1.0, -1.0]])
-    one, each = HypothesisFilter(Point([0.1, 5.0], rates)), HypothesisFilter(Point([0.1, 5.0], rates))
-    for value in (0.3, 4.0, 4.2):
-        for found, kind in ((one, Constant), (each, Seen)):
-            found.predict(0.5)
-            found.update([kind(value, 0.04), kind(value + 0.1, 0.1)])
-    np.testing.assert_allclose(one.weights, each.weights, rtol=1e-9)
-    live = np.flatnonzero(one.weights)
-    np.testing.assert_allclose(one.means[live], each.means[live], rtol=1e-12)
-    np.testing.assert_allclose(one.covs[live], each.covs[live], rtol=1e-9)
-
-
 class Speed(Constant):
     """The velocity."""
 

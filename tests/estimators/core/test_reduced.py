@@ -40,10 +40,7 @@ def swung(process):
 
 
 def test_the_derivative_is_that_of_the_motion(body):
-    """By central differences in four columns of each part, to six hundredths of the largest entry of each block.
-
-    Dashpots turn a little.
-    """
+    """By central differences in four columns of each part, to six hundredths of the largest entry of each block."""
     process = in_few(body)
     state = swung(process)
     found = process.linearize(state, HZ)
@@ -129,15 +126,3 @@ def test_a_known_force_moves_the_target_as_it_does_by_all_nodes(both, body):
     few, every = (push(one[0]) for one in both)
     assert np.linalg.norm(every) > 5e-4
     assert np.linalg.norm(few - every) < 0.1 * np.linalg.norm(every)
-
-
-def test_tables_are_the_predictions(both):
-    """Mean to a tenth of sigma, covariance to 12 %, over half a second."""
-    tissue = both[0][0]
-    tables = tissue.tables(16, HZ)
-    times, (_, means, covs) = tables.times(tissue), tables.parts(tissue)[-1]
-    path, path_covs = tissue.predict_path(times)
-    sigma = np.sqrt(np.trace(path_covs, axis1=1, axis2=2))
-    assert np.all(np.linalg.norm(means - path, axis=1) < 2e-4 + 0.1 * sigma)
-    apart = np.linalg.norm(covs - path_covs, axis=(1, 2)) / np.linalg.norm(path_covs, axis=(1, 2))
-    assert apart.max() < 0.12

@@ -5,31 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN
+from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, MarkMeasurement
 from estimators.core import Places, TissueFilter
 from estimators.tissue.estimate import Status
 from experiments.simulation.bodies.zoo import make_body
+from tests.estimators.conftest import resting_frames
 
 SD_M = 5e-4
 HZ = 1 / 30
 
 
-def at_rest(network, times_s, sd_m=SD_M, seed=1, names=None):
-    """Frames of marks about the drawn places, by independent errors of this standard deviation."""
-    rng = np.random.default_rng(seed)
-    names = [network.names[i] for i in network.free] if names is None else names
-    rest, cov = [network.positions[network.index(name)] for name in names], sd_m**2 * np.eye(network.dim)
-    frames = []
-    for t in times_s:
-        places = [at + sd_m * rng.normal(size=network.dim) for at in rest]
-        frames.append((t, [MarkMeasurement(name, at, cov) for name, at in zip(names, places, strict=True)]))
-    return frames
-
-
-def outer_of(phantom):
-    """The phantom's free nodes but the hidden one."""
-    return [phantom.names[i] for i in phantom.free if phantom.names[i] != HIDDEN]
+def at_rest(network, times_s, sd_m):
+    """Frames of the outer marks at rest, by independent errors of this standard deviation [m]."""
+    frames = resting_frames(network, len(times_s), sd_m)
+    return [(float(time_s), marks) for time_s, (_, marks) in zip(times_s, frames, strict=True)]
 
 
 def estimates(network, target, marked, frames):
@@ -61,9 +51,7 @@ TIMES = {
 @pytest.mark.parametrize("case", TIMES)
 def test_a_body_at_rest_is_found_within_its_covariance_whatever_the_frames(phantom, case):
     times_s, share = TIMES[case]
-    found = estimates(
-        phantom, HIDDEN, outer_of(phantom), at_rest(phantom, times_s, sd_m=share * SD_M, names=outer_of(phantom))
-    )
+    found = estimates(phantom, HIDDEN, OUTER, at_rest(phantom, times_s, share * SD_M))
     error = np.array([one.mean for one in found]) - phantom.positions[phantom.index(HIDDEN)]
     squared = [e @ np.linalg.solve(one.cov, e) for e, one in zip(error, found, strict=True)]
     assert max(squared) < 25.0  # five standard deviations
@@ -81,8 +69,7 @@ def test_a_body_of_another_size_under_the_same_gravity_is_found_as_exactly_by_it
         damping=size**2.5 * phantom.damping,
         drag=size**2.5 * phantom.drag,
     )
-    frames = at_rest(small, np.arange(0.0, 1.0, HZ), sd_m=size * SD_M, names=outer_of(phantom))
-    last = estimates(small, HIDDEN, outer_of(phantom), frames)[-1]
+    last = estimates(small, HIDDEN, OUTER, at_rest(small, np.arange(0.0, 1.0, HZ), size * SD_M))[-1]
     error = last.mean - small.positions[small.index(HIDDEN)]
     assert last.status == Status.TRACKING
     assert error @ np.linalg.solve(last.cov, error) < 25.0

@@ -132,10 +132,7 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
 
 
 def test_an_error_that_lasts_is_not_averaged_away_and_one_new_in_each_frame_is(phantom):
-    """All marks off together by 5 mm, one deviation, for 60 frames: its share of the error is covered where it lasts.
-
-    The covariance is at least what that share makes of it.
-    """
+    """All marks off together by 5 mm, one deviation, for 2 s: its share of the error is covered where it lasts."""
     shared, ends = 5e-3 * np.eye(2), {}
     for n_calibration in (0, 2):
         tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=n_calibration, discrepancy=EXACT, disturbances=HELD)

@@ -75,10 +75,7 @@ def test_a_breath_is_covered_by_coarse_marks_too(breathing: np.ndarray, sd_mm: f
 
 
 def test_coarser_statements_never_make_it_surer(breathing: np.ndarray) -> None:
-    """The same marks, stated as they are, five and twenty-five times as coarse: sigma rises, the truth is covered.
-
-    As a mean over frames: single ones differ by which mode they are taken for.
-    """
+    """The same marks, stated as they are, five and twenty-five times as coarse: sigma rises, the truth is covered."""
     sigmas = []
     for times in (1.0, 5.0, 25.0):
         errors, covs, _ = tracked(seen(breathing, 1e-3, times), breathing)

@@ -19,8 +19,7 @@ from estimators import (
     guide,
     hit_probability,
 )
-from estimators.guidance.advice import RULES, Prospect, Rule, decide
-from estimators.guidance.kernels import insert_each
+from estimators.guidance.advice import RULES, Prospect, decide
 from tests.estimators.guidance.straight_down import DISC, DOWN, HEALTHY, NOW_S, TIP, at, path_of
 
 
@@ -178,24 +177,6 @@ def test_in_space_it_is_the_same():
     np.testing.assert_allclose(said.turned_axis, [0.0, -0.8, 0.6], atol=1e-9)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_advice_integrates_in_two_calls_of_the_kernel(dim, monkeypatch):
-    """All 21 starts over 2 s in one, the turned needle in the other: nothing per start runs in Python."""
-    calls = []
-
-    def counted(starts, *args):
-        calls.append(len(starts))
-        return insert_each(starts, *args)
-
-    monkeypatch.setattr("estimators.guidance.advice.insert_each", counted)
-    pad = np.zeros(dim - 2)
-    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0 * t, np.zeros((len(t), dim - 2))])
-    down = Insertion(np.r_[DOWN.entry, pad], np.r_[DOWN.axis, pad], 0.1)
-    found = advise(path, down, Lesion.ball(4e-3, dim), needle=TIP)
-    assert calls == [21, 1]
-    assert np.isfinite(found.outlook.arrivals_s).all()
-
-
 SURE = Prospect(probability=0.95, arrives=True, reach_s=3.0, best_in_s=0.0, best_probability=0.95)
 BY_RULE = {
     "never arrives": (replace(SURE, arrives=False, depth_m=-0.01), Advice.WAIT, "does not reach the target within 3.0"),
@@ -257,13 +238,6 @@ def test_every_rule_is_reached_and_every_kind_of_advice_given():
     first = [next(k for k, rule in enumerate(RULES) if rule.holds(p, AdviceSettings())) for p, _, _ in BY_RULE.values()]
     assert sorted(set(first)) == list(range(len(RULES)))
     assert {rule.advice for rule in RULES} == set(Advice) - {Advice.NO_GUIDANCE, Advice.ABORT}
-
-
-def test_a_new_rule_takes_its_place_in_the_order():
-    """Before the others it decides; after the last, which always holds, it never does."""
-    new = Rule(Advice.NO_GUIDANCE, lambda it, _: it.probability > 0.5, lambda _: "toy")
-    assert decide(SURE, AdviceSettings(), (new, *RULES)) == (Advice.NO_GUIDANCE, "toy")
-    assert decide(SURE, AdviceSettings(), (*RULES, new))[0] is Advice.GO
 
 
 def test_unknown_advice_and_prospects_without_a_rule_raise():

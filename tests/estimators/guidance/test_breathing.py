@@ -24,10 +24,7 @@ def fed(period_s, seconds, sd, rng, settings=None):
 
 
 def oracle(times, means, covs, ahead, s):
-    """Prediction by weighted least squares on the rows of the track, a period at a time: the module's text in NumPy.
-
-    Returns means (k, 2), covariances (k, 2, 2), and a dict of the breath.
-    """
+    """Prediction by weighted least squares on the rows of the track, a period at a time: the module's text in NumPy."""
     weights = np.exp(-(times[-1] - times) / s.memory_s)
     x = means - means[0]
     rows = lambda t, period: np.stack(  # noqa: E731

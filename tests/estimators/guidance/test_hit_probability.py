@@ -60,19 +60,10 @@ def test_a_round_gaussian_is_the_noncentral_chi_square(dim):
 def test_any_covariance_against_imhofs_integral(dim):
     """Axis ratios to 10."""
     rng = np.random.default_rng(1)
-    for _ in range(4):
+    for _ in range(2):
         sds = np.exp(rng.uniform(np.log(0.5), np.log(5.0), size=dim))
         cov, offset = turned_cov(sds, rng), rng.normal(size=dim) * 2.0
         assert of_tip(offset, cov, Lesion.ball(4e-3, dim)) == pytest.approx(imhof(offset, cov, 4.0), abs=1e-5)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_gaussian_on_a_line_is_normal_along_it(dim):
-    """Sure to a micrometre across, offset 1 mm there: the chord of the ball, P(|a + 1| <= sqrt(16 - 1)), sd 1.5 mm."""
-    V = special_ortho_group.rvs(dim, random_state=np.random.default_rng(3))
-    cov = V @ np.diag([1.5**2] + [1e-6] * (dim - 1)) @ V.T
-    got = of_tip(V[:, 0] + V[:, 1], cov, Lesion.ball(4e-3, dim))
-    assert got == pytest.approx(norm.cdf((15**0.5 - 1) / 1.5) - norm.cdf((-(15**0.5) - 1) / 1.5), abs=1e-5)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -239,12 +230,3 @@ def test_a_sure_hit_is_no_more_than_certain():
     tip = GaussianMixture.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov)
     axis, lesion = np.array([-0.55485502, -0.83194706]), Lesion.ball(0.008118140344103266, 2)
     assert 1.0 - 1e-6 < hit_probability(target, tip, axis, lesion, needle=TIP) <= 1.0
-
-
-@pytest.mark.parametrize("length", [0.1, 2.0])
-def test_an_axis_may_have_any_length(length):
-    target, tip = (GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.eye(3)) for _ in range(2))
-    lesion, axis = Lesion.ball(0.02, 3), np.array([0.0, 0.0, -1.0])
-    expected = hit_probability(target, tip, axis, lesion)
-    assert 0.5 < expected < 1.0
-    assert hit_probability(target, tip, length * axis, lesion) == pytest.approx(expected, abs=1e-12)

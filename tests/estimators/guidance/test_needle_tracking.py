@@ -77,12 +77,12 @@ def test_it_is_the_textbook_filter():
 
 
 def test_the_arrival_is_as_uncertain_as_it_says():
-    """A needle of 40 mm/s, 0.6 s seen, then 0.9 s to 60 mm beyond: 200 arrivals, off by what sd_s says within 15 %.
+    """A needle of 40 mm/s, 0.6 s seen, then 0.9 s to 60 mm beyond: 80 arrivals, off by what sd_s says within 20 %.
 
-    Of 200 normal variables the root mean square is 1 to 5 %; the rest is for the first order of sd_s.
+    Of 80 normal variables the root mean square is 1 to 8 %; the rest is for the first order of sd_s.
     """
     steady, off, sds = NeedleNoise(acceleration=3e-3, bending=5e-4, speed_sd=0.05), [], []
-    for seed in range(200):
+    for seed in range(80):
         states, seen = simulated(np.random.default_rng(seed), 100, 0.02, steady, 0.04)
         depth = states[:, :2] @ D
         aim = depth[0] + 0.06
@@ -91,7 +91,7 @@ def test_the_arrival_is_as_uncertain_as_it_says():
         exact = reached - (depth[reached] - aim) / (depth[reached] - depth[reached - 1])
         off.append(said.time_s - 0.02 * exact)
         sds.append(said.sd_s)
-    assert np.sqrt(np.mean((np.array(off) / np.array(sds)) ** 2)) == pytest.approx(1.0, abs=0.15)
+    assert np.sqrt(np.mean((np.array(off) / np.array(sds)) ** 2)) == pytest.approx(1.0, abs=0.2)
 
 
 def test_depth_and_speed_are_those_of_the_line():

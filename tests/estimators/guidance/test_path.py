@@ -11,7 +11,6 @@ import pytest
 from dynamics import HIDDEN, OUTER
 from estimators import (
     GaussianMixture,
-    MarkMeasurement,
     Needle,
     PathParts,
     TargetPath,
@@ -24,6 +23,7 @@ from estimators import (
     path_tables,
 )
 from estimators.core.disturbances import Disturbances
+from tests.estimators.conftest import followed, resting_frames
 from tests.estimators.guidance.straight_down import DISC, DOWN, NOW_S
 
 FRAME_S = 1.0 / 30.0
@@ -32,11 +32,8 @@ NEVER_S = 1e12
 
 def resting(phantom, shift=0.0):
     """A filter after 20 frames of a phantom at rest, its outer marks seen so far aside [m]."""
-    tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(1)
-    for k in range(20):
-        tissue.predict(k * FRAME_S)
-        places = [phantom.positions[phantom.index(node)] + [shift, 0.0] + rng.normal(0.0, 1e-3, 2) for node in OUTER]
-        tissue.update([MarkMeasurement(node, at, 1e-6 * np.eye(2)) for node, at in zip(OUTER, places, strict=True)])
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(tissue, resting_frames(phantom, 20, 1e-3, by=[shift, 0.0]))
     return tissue
 
 

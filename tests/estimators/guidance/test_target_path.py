@@ -21,10 +21,7 @@ resting = at(0.0, 0.04)
 )
 @pytest.mark.parametrize("horizon_s", [1.99, 2.01])
 def test_the_path_ends_one_to_two_steps_after_the_last_arrival(needle, depth_m, way_s, horizon_s):
-    """60 mm less the depth, and the notch's middle beyond it, at 100 mm/s; steps of 1/30 s from now on.
-
-    A tip that is there, or too deep, has no way to go.
-    """
+    """60 mm less the depth, and the notch's middle beyond it, at 100 mm/s; steps of 1/30 s from now on."""
     times = path_times(HEALTHY, replace(DOWN, depth_m=depth_m), needle, AdviceSettings(horizon_s=horizon_s), NOW_S)
     assert times[0] == NOW_S
     np.testing.assert_allclose(np.diff(times), 1.0 / 30, rtol=1e-9)
@@ -46,10 +43,7 @@ class Resting:
 @pytest.mark.parametrize("settings", [None, AdviceSettings(horizon_s=0.5, go=0.999)])
 @pytest.mark.parametrize("now_s", [None, NOW_S + 0.0625])
 def test_a_live_filter_is_asked_with_the_needle_the_settings_and_the_time(needle, settings, now_s):
-    """Closed forms of each: 60 mm of way, and 15 mm more to the notch of a default needle; starts 0.1 s apart.
-
-    Default settings: up to 2 s later, GO from 0.9 on; default time: the estimate's. Path and `advise` alike.
-    """
+    """Closed forms of each: 60 mm of way, and 15 mm more to the notch of a default needle; starts 0.1 s apart."""
     source, start, way = Resting(), NOW_S if now_s is None else now_s, 0.06 if needle else 0.075
     found = guide(source, HEALTHY, DOWN, DISC, needle=needle, settings=settings, now_s=now_s)
     last = 0.5 if settings else 2.0

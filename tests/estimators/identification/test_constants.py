@@ -156,10 +156,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
 
 @dataclass
 class PartMisleads:
-    """One constant: 100 of 150 frames are likeliest at 3, all of them at 0.5, and near 3 far less so.
-
-    From 3 the log likelihood of all rises to a lower maximum at 4.
-    """
+    """One constant: 100 of 150 frames are likeliest at 3, all of them at 0.5, and near 3 far less so."""
 
     budget: Budget = field(default_factory=Budget)
 
@@ -193,10 +190,7 @@ def test_a_target_that_is_never_seen_is_refused(recorded):
 
 
 def test_what_is_found_is_most_probable_with_its_prior(recorded):
-    """Few frames and a firm prior: the log posterior falls to both sides along the change found, by a tenth and more.
-
-    Of the likelihood alone, or of the prior alone, it would not.
-    """
+    """Few frames and a firm prior: the log posterior falls to both sides along the change found."""
     reported, _ = wrong(chain())
     frames = recorded[0][:20]
     found = identified(reported, frames, {"stiffness": 0.1, "rest_length": 0.003})

@@ -31,10 +31,7 @@ def tracked(phantom, frames, pushes):
 
 @pytest.mark.parametrize("stiffness", [20.0, 500.0, 30000.0])
 def test_a_held_push_bends_soft_and_stiff_bodies_as_statics_say(stiffness):
-    """Two masses on four anchors, the force by the stiffness: by K^-1 F, to 1 % of it, also by the tables ahead.
-
-    Soft oscillations are slower than a step, stiff ones up to fifty times as fast.
-    """
+    """Two masses on four anchors, the force by the stiffness: by K^-1 F, to 1 % of it, also by the tables ahead."""
     network = two_masses(stiffness)
     force = np.array([[1.5e-4 * stiffness, 0.0, 0.0], [0.0, 0.0, 0.0]])
     expected = np.linalg.solve(stiffness_matrix(network, network.positions), force.ravel())[:3]

@@ -7,17 +7,16 @@ import pytest
 
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, FixBias, MarkMeasurement, Replay, TissueFilter
-from tests.estimators.conftest import followed, marks_of
+from tests.estimators.conftest import followed, resting_frames
 from tests.estimators.states import digest
 
 COV = 1e-6 * np.eye(2)
 
 
 @pytest.fixture
-def frames(phantom, rest_state):
+def frames(phantom):
     """Twelve frames at 30 frames/s of the phantom at rest, seen with 1 mm of noise."""
-    rng = np.random.default_rng(0)
-    return [(k / 30.0, marks_of(phantom, rest_state, 1e-3, rng)) for k in range(12)]
+    return resting_frames(phantom, 12, 1e-3)
 
 
 def replay(phantom, frames, order, settings=None, **options):

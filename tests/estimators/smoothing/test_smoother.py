@@ -131,10 +131,7 @@ def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, run):
 
 
 def test_a_fix_tells_of_before_and_after(phantom, run, hidden):
-    """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and are as sure as they should be.
-
-    Marks are of 4 mm. The last frame is the filter's own, with the fix; fixes beside the frames change nothing.
-    """
+    """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and rightly."""
     frames, states = run[0][:48], run[1]
     place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
     time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)

@@ -62,10 +62,7 @@ def test_from_tracking_it_coasts_diverges_is_lost_and_starts_again(frames, lette
 
 
 def test_a_slow_camera_loses_nothing(phantom, rest_state):
-    """The paper's: a frame each 1.09 s, longer than lost_s, marks in every one. TRACKING, and never started again.
-
-    The target's covariance falls below a half of what a single frame leaves.
-    """
+    """The paper's: a frame each 1.09 s, longer than lost_s, marks in every one. TRACKING, and never started again."""
     assert walked([(1.09 * k, FINE) for k in range(5)])[0] == "ITTTT"
     tissue, rng, spread = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0), []
     for k in range(8):
@@ -148,10 +145,7 @@ def test_right_innovations_are_never_taken_for_divergence():
 
 
 def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom):
-    """All marks 2 m aside for a third of a second, which nothing explains: DIVERGED within 0.5 s, started again.
-
-    No small covariance meanwhile; TRACKING again within 0.5 s of the marks' return, and right to their noise.
-    """
+    """All marks 2 m aside for a third of a second, which nothing explains: DIVERGED within 0.5 s, started again."""
     at = dict(zip(phantom.names, phantom.positions, strict=True))
     tissue, frames = TissueFilter(phantom, HIDDEN, OUTER), []
     for k in range(60):
@@ -169,11 +163,7 @@ def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom)
 
 
 def test_two_seconds_without_marks(phantom, rest_state, hidden):
-    """COASTING, then LOST; the covariance grows; within 0.5 s of the marks' return the target is in its region again.
-
-    Pokes go on meanwhile, truth by DOP853: NEES half a second after the return below the 99.9 % point, and
-    the estimate as sure as before.
-    """
+    """COASTING, then LOST; the covariance grows; within 0.5 s of the marks' return the target is in its region."""
     rng = np.random.default_rng(0)
     states = driven(phantom, rest_state, poke_forces(phantom, 4.5, rng))[::4]
     seen = [[] if 45 <= k < 105 else marks_of(phantom, states[k], 0.00414, rng) for k in range(121)]

@@ -1,4 +1,7 @@
-"""Any calls in any order, also invalid ones: the state stays valid, and a call that raises changes nothing."""
+"""Any calls in any order: the state stays valid, and a call that raises changes nothing.
+
+`test_surface.py` and `marks/test_checked_input.py` have what cannot be taken in.
+"""
 
 from collections.abc import Callable
 
@@ -14,21 +17,11 @@ from tests.estimators.states import digest
 
 PHANTOM = four_mass_phantom()
 AT = dict(zip(PHANTOM.names, PHANTOM.positions, strict=True))
-NAN = float("nan")
 SDS = st.sampled_from([1e-6, 1e-4, 1e-3, 4e-3, 0.1, 10.0])
 GAPS_S = st.sampled_from([0.0, 1e-9, 1 / 120, 1 / 30, 1 / 30, 0.1, 0.35, 1.09, 60.0, 86_400.0, 1e9])
 OFFSETS_M = st.sampled_from([0.0, 0.0, 1e-3, 0.03, 0.15, 1.0, 1e6])
 ANGLES = st.floats(0.0, 6.28)
 FINE = np.eye(2)
-COVS = -FINE, np.zeros((2, 2)), np.diag([1.0, NAN]), np.diag([np.inf, 1.0]), np.eye(3), np.ones((2, 2)), FINE[0]
-PLACES = np.array([NAN, 0.0]), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((2, 2)), np.array(0.0)
-WRONG = (
-    *(("M1", AT["M1"], cov) for cov in COVS),
-    *(("M1", place, FINE) for place in PLACES),
-    *((node, np.zeros(2), FINE) for node in ("In1", "M9", "")),
-    ("M1", np.zeros(3), np.eye(3)),
-)
-"""Node, place and covariance."""
 
 
 @st.composite
@@ -104,35 +97,6 @@ class Calls(RuleBasedStateMachine):
         ahead = self.tissue.predict_at(self.tissue.time_s + gap_s)
         check_gaussian(ahead.mean, ahead.cov)
         assert digest(self.tissue.snapshot()) == before
-
-    @rule(time_s=st.sampled_from([NAN, np.inf, -np.inf, "back"]))
-    def predict_to_no_time(self, time_s: float | str) -> None:
-        if time_s == "back":
-            if self.tissue.time_s is None:
-                return
-            time_s = np.nextafter(self.tissue.time_s, -np.inf)
-        self.refuses(lambda: self.tissue.predict(time_s))
-
-    @rule(push=st.sampled_from([np.full((4, 2), NAN), np.zeros((3, 2)), lambda _t, _x: np.full((4, 2), np.inf)]))
-    def predict_under_no_force(self, push: object) -> None:
-        if self.tissue.seen_s is not None and self.tissue.time_s < 1e6:
-            self.refuses(lambda: self.tissue.predict(self.tissue.time_s + 0.1, push))
-
-    @rule(seen=marks(), wrong=st.sampled_from(WRONG))
-    def mark_of_no_node_place_or_covariance(self, seen: MarkMeasurement, wrong: tuple) -> None:
-        """Beside one that can be taken in."""
-        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement(*wrong)]))
-
-    @rule(seen=marks(), shared=st.sampled_from([np.ones((2, 5)), np.full((2, 2), NAN), np.ones(2)]))
-    def mark_of_another_calibration(self, seen: MarkMeasurement, shared: np.ndarray) -> None:
-        other = MarkMeasurement("M1", AT["M1"], FINE, np.ones((2, 2)))
-        self.refuses(lambda: self.tissue.update([seen, other, MarkMeasurement("M4", AT["M4"], FINE, shared)]))
-
-    @rule(wrong=st.sampled_from(WRONG))
-    def fix_of_no_place_or_covariance(self, wrong: tuple) -> None:
-        node, place, cov = wrong
-        if node == "M1":
-            self.refuses(lambda: self.tissue.fix(place, cov))
 
     @invariant()
     def the_state_is_a_gaussian(self) -> None:

@@ -4,10 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.vision.cameras.test_lens import LENSES, each_lens
 from vision import Lens, Pose, SpaceCamera
 
-LENS = LENSES[0]
+LENS = Lens(np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]]), np.array([-0.3, 0.1, 0.001, -0.002, 0.02]))
+RATIO = [*LENS.distortion, 0.05, -0.02, 0.01]
+LENSES = [LENS, Lens(LENS.matrix, np.array(RATIO)), Lens(LENS.matrix, np.array([*RATIO, 0.004, -0.002, 0.003, 0.001]))]
+each_lens = pytest.mark.parametrize("lens", LENSES, ids=lambda lens: f"{len(lens.distortion)} coefficients")
 
 
 def camera_at(place_m: np.ndarray, toward_m: np.ndarray, lens: Lens = LENS, **keys: object) -> SpaceCamera:
@@ -53,6 +55,19 @@ def test_the_ray_of_a_point_leads_through_it(lens: Lens) -> None:
     np.testing.assert_allclose(origin, [-0.2, 0.1, 0.5], atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1.0)
     np.testing.assert_allclose(ways * np.linalg.norm(POINTS - origin, axis=1)[:, None] + origin, POINTS, atol=1e-10)
+
+
+@each_lens
+def test_a_step_of_a_lens_adds_to_the_first_nine(lens: Lens) -> None:
+    moved = lens.moved(np.arange(1.0, 10.0))
+    np.testing.assert_array_equal((moved.matrix - lens.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]], [1, 2, 3, 4])
+    np.testing.assert_allclose((moved.distortion - lens.distortion)[:5], np.arange(5.0, 10.0), rtol=1e-12)
+    np.testing.assert_array_equal(moved.distortion[5:], lens.distortion[5:])
+
+
+def test_a_place_that_no_ray_reaches_is_an_error() -> None:
+    with pytest.raises(ValueError, match="lens: expected places that its distortion reaches, found one beyond"):
+        Lens(LENS.matrix, np.array([-0.3, 0.0, 0.0, 0.0, 0.0])).ideal(np.array([[320.0, 2000.0]]))
 
 
 def test_what_is_behind_is_not_in_view() -> None:

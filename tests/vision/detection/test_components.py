@@ -26,7 +26,6 @@ from vision.detection.fast_path import detect_isolated
 
 SIZE = (640, 480)
 RED = MarkHue(0.0)
-CLEAN = Lighting(noise_sd=0.0, shot_noise_sd=0.0)
 Edit = Callable[[np.ndarray], np.ndarray]
 
 
@@ -67,10 +66,9 @@ def study(
     edit: Edit = lambda image: image,
     lines: bool = False,
     n_frames: int = 20,
-    seed: int = 11,
 ) -> Study:
     """Four red marks a frame at random places; a mark is found if a detection lies within 6 px."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(11)
     errors, covs, n_false = [], [], 0
     for _ in range(n_frames):
         places, radius = scattered(4, rng), rng.uniform(*radii)
@@ -141,31 +139,10 @@ def test_springs_under_the_marks_do_not_pull_them() -> None:
     assert ((seen.variance_ratio > 0.5) & (seen.variance_ratio < 2.0)).all(), seen.variance_ratio
 
 
-def test_no_place_between_pixels_is_preferred() -> None:
-    rng = np.random.default_rng(0)
-    steps = np.linspace(0.0, 1.0, 5)
-    even = replace(CLEAN, slope=0.0, vignetting=0.0)
-    errors = []
-    for u in steps:
-        for v in steps:
-            center = np.array([100.0 + u, 80.0 + v])
-            image = draw_frame((200, 160), [Disc(center, (10.7, 10.7), 0.0)], even, rng)
-            errors.append(detect_marks(image, [RED], min_area_px=90.0)[0].center_px - center)
-    # No noise: all that is left is bias. Measured 0.003.
-    assert np.abs(errors).max() < 0.01
-
-
 def test_areas_are_those_of_the_discs() -> None:
     discs = [round_disc(100.0, 100.0), Disc(np.array([300.3, 200.8]), (9.0, 14.0), 0.0)]
     areas = [d.area_px for d in found_of(discs, 1, min_area_px=90.0)]
     assert areas == pytest.approx([np.pi * 12**2, np.pi * 9 * 14], rel=0.01)
-
-
-@pytest.mark.parametrize("drawn_deg", [355.0, 0.0, 5.0])
-def test_red_is_found_on_both_sides_of_zero(drawn_deg: float) -> None:
-    (found,) = found_of([round_disc(200.4, 150.2, hue_deg=drawn_deg)], 2)
-    assert found.hue_deg == 0.0
-    np.testing.assert_allclose(found.center_px, [200.4, 150.2], atol=0.05)
 
 
 def test_other_hues_are_no_marks() -> None:
@@ -212,22 +189,6 @@ def test_size_and_shape_decide_what_a_mark_is() -> None:
     np.testing.assert_allclose([d.center_px for d in found], [[200.0, 100.0]], atol=0.05)
 
 
-def test_the_least_circle_of_half_the_resolution_covers_a_block_wherever_it_lies() -> None:
-    corners = np.arange(-8, 9)
-    u, v = np.meshgrid(corners, corners, indexing="ij")
-
-    def blocks(radius: float, center: np.ndarray) -> int:
-        """Whole blocks of 2 x 2 pixels, their corners at even places, inside the circle."""
-        inside = (u - center[0]) ** 2 + (v - center[1]) ** 2 <= radius**2
-        even = inside[::2, ::2]
-        return int((even[1:, 1:] & even[:-1, 1:] & even[1:, :-1] & even[:-1, :-1]).sum())
-
-    least = np.sqrt(BLOCK_AREA_PX / np.pi)
-    offsets = np.linspace(0.0, 2.0, 21)
-    assert all(blocks(1.001 * least, np.array([a, b])) >= 1 for a in offsets for b in offsets)
-    assert any(blocks(0.999 * least, np.array([a, b])) == 0 for a in offsets for b in offsets)
-
-
 def test_small_marks_are_found_at_half_the_resolution_wherever_they_lie() -> None:
     least = 2.0 * BLOCK_AREA_PX
     radius = 1.05 * np.sqrt(least / np.pi)
@@ -253,9 +214,9 @@ def test_marks_of_one_hue_side_by_side_stay_two() -> None:
 
 def test_the_paper_camera_is_as_bad_as_the_paper_says() -> None:
     lighting = paper_camera()
-    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=60)
+    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=30)
     radial_mm = np.linalg.norm(seen.errors * np.array([4.24, 4.56]), axis=1)
-    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 240 marks tell the mean to 0.14 mm
+    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 120 marks tell the mean to 0.2 mm
     assert seen.found >= 0.95
     assert seen.false < 0.05
     # The detector cannot see how far marks are drawn off their places; the scene says it as calibration_sd_px.

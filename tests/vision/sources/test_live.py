@@ -52,15 +52,6 @@ def test_the_newest_frame_wins_and_the_rest_are_counted() -> None:
     wait_until(lambda: camera.released.is_set() or not camera.give(None))
 
 
-def test_every_frame_waits_where_every_one_counts() -> None:
-    camera = Scripted(*(picture(k) for k in range(5)), None)
-    with opened(camera, clock=Ticking(), keep=5, ends=lambda _capture: True) as live:
-        assert [frame.index for frame in live] == [0, 1, 2, 3, 4]
-        assert live.ended
-        assert kinds(live)[-1] is EventKind.ENDED
-        assert live.frames_dropped == 0
-
-
 def test_a_read_that_blocks_is_reported_in_its_time_and_no_frame_is_made_up() -> None:
     clock, camera = Clock(), Scripted(picture(0))
     with opened(camera, clock=clock) as live:
@@ -227,29 +218,6 @@ def test_what_is_wrong_with_source_or_program_is_raised_to_the_reader(capture, f
 FILM = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
 
 
-def test_a_film_is_shown_at_its_own_pace() -> None:
-    class Film:
-        closed = False
-
-        def __iter__(self):
-            return iter(Frame(k, 3.0 + t, IMAGE) for k, t in enumerate([0.0, 0.04, 0.12]))
-
-        def close(self) -> None:
-            self.closed = True
-
-    clock, film, naps = Clock(), Film(), []
-
-    def sleep(seconds: float) -> None:
-        naps.append(seconds)
-        clock.now += seconds
-
-    shown = Playback(film, clock=clock, sleep=sleep)
-    with LiveFrames(lambda: shown, clock=clock, **FILM) as live:  # type: ignore[arg-type]
-        assert [frame.exposure_s for frame in live] == pytest.approx([100.0, 100.04, 100.12])
-        assert naps == pytest.approx([0.04, 0.08])
-    wait_until(lambda: film.closed)
-
-
 def test_what_waits_begins_when_it_is_first_asked_for_a_frame() -> None:
     """However long that takes: no frame is missed, and it was not blocked."""
     clock, opened = Clock(), []
@@ -323,14 +291,3 @@ def test_exposure_times_that_do_not_rise_are_reported_within_three_frames(fault:
     assert set(range(43, 60)) <= set(times)
     own_s = 0.0 if own else 0.05  # of a device, half an interval before it is complete
     np.testing.assert_allclose([times[k] for k in range(43, 60)], DUE_S[43:] - own_s, atol=0.05)
-
-
-def test_a_camera_without_times_of_its_own_is_no_fault() -> None:
-    """It states 0 for ever, as many do."""
-    clock, camera = Clock(), Scripted()
-    with opened(camera, clock=clock) as live:
-        for k in range(50):
-            clock.now += 0.1
-            camera.give(picture(k))
-            next_frame(live)
-        assert kinds(live) == []

@@ -53,18 +53,6 @@ def test_the_same_picture_for_too_long_is_frozen() -> None:
     assert kinds(watch.check(last + 1.1)) == [EventKind.FROZEN]
 
 
-def test_pictures_may_repeat_where_that_is_said() -> None:
-    watch, last = fed(3, 0.03, may_repeat=True)
-    watch.saw_repeat(last + 0.6)
-    assert watch.check(last + 0.7) == []
-
-
-def test_silence_is_no_frozen_picture() -> None:
-    watch, last = fed(3, 0.03, blocked_s=2.0)
-    assert watch.check(last + 1.9) == []
-    assert kinds(watch.check(last + 2.1)) == [EventKind.BLOCKED]
-
-
 def test_a_slow_camera_is_not_blocked_between_its_frames() -> None:
     watch, last = fed(4, 1.09)
     watch.saw_repeat(last + 1.09)

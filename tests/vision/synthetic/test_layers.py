@@ -31,13 +31,6 @@ def test_the_picture_cuts_a_layer(left: int, top: int, seen: int) -> None:
         assert picture[v, u].tolist() == colors[v - top, u - left].tolist()
 
 
-def test_what_is_taken_is_no_longer_free() -> None:
-    free = np.ones((3, 3), dtype=np.float32)
-    layer = Layer(0, 0, np.full((3, 3), 0.25), np.zeros(3))
-    assert take(free, layer) == pytest.approx(9 * 0.25)
-    assert take(free, layer) == pytest.approx(9 * 0.25 * 0.75)
-
-
 def test_colours_of_another_shape_are_refused() -> None:
     with pytest.raises(ValueError, match="layer: expected alpha"):
         Layer(0, 0, np.ones((3, 3)), np.zeros((2, 3, 3)))

@@ -69,21 +69,6 @@ def test_grain_is_the_noise_of_neighbours(grain_px: float, expected: float) -> N
     assert correlation == pytest.approx(expected, abs=0.03)
 
 
-def test_noise_of_two_frames_is_unrelated() -> None:
-    rng = np.random.default_rng(3)
-    lighting = replace(FLAT, background_bgr=(128.0,) * 3, noise_sd=5.0)
-    frames = [draw_frame((320, 240), [], lighting, rng).astype(float) for _ in range(6)]
-    seen = np.corrcoef([frame.ravel() for frame in frames])
-    # Correlation of 230,400 independent pairs has a deviation of 0.002; 5 sd.
-    assert np.abs(seen - np.eye(6)).max() < 0.011
-
-
-def test_the_same_seed_gives_the_same_frame() -> None:
-    discs = [Disc(np.array([30.0, 30.0]), (8.0, 8.0), 0.0)]
-    one, two = (draw_frame((80, 60), discs, Lighting(), np.random.default_rng(4)) for _ in range(2))
-    np.testing.assert_array_equal(one, two)
-
-
 @pytest.mark.parametrize("hue_deg", [0.0, 120.0, 240.0, 305.0])
 def test_a_disc_has_its_colour(hue_deg: float) -> None:
     image = draw_frame((80, 60), [Disc(np.array([40.0, 30.0]), (9.0, 9.0), hue_deg)], FLAT, np.random.default_rng(0))

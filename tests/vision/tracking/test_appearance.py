@@ -165,24 +165,3 @@ def test_score_and_share_are_those_of_their_definition() -> None:
     assert (place.score, place.share) == pytest.approx(best, abs=0.01)
     off_px = np.rint(place.center_px) - (101.0, 79.0)
     assert place.weighed == pytest.approx(place.score - SETTINGS.prior * float(off_px @ off_px) / 9.0, abs=1e-9)
-
-
-def test_of_two_that_look_alike_the_one_nearer_to_where_it_is_expected_is_taken() -> None:
-    rng = np.random.default_rng(10)
-    look = known(rng)
-    for k in range(6):
-        pair = [np.array([92.0, 80.0]), np.array([112.0, 80.0])]
-        at = pair[k % 2] + np.array([4.0 - 8.0 * (k % 2), 2.0])
-        place = look.place(frame(rng, *(mark(tuple(one)) for one in pair)), expected(tuple(at), sd=5.0))
-        assert np.abs(place.center_px - pair[k % 2]).max() < 0.5
-
-
-def test_nothing_further_away_is_looked_at_where_that_is_not_asked_for() -> None:
-    rng = np.random.default_rng(13)
-    look = known(rng)
-    picture = frame(rng, mark((94.0, 80.0)))
-    picture[:, 103:] = frame(rng, Disc(np.array([114.0, 80.0]), (RADIUS, RADIUS), 0.0, value=0.6))[:, 103:]
-    there = np.array([113.0, 81.0])
-    assert look.place(picture, expected((104.0, 80.0), sd=5.0), there).center_px[0] == pytest.approx(94.0, abs=0.5)
-    place = look.place(picture, expected((104.0, 80.0), sd=5.0), there, within_px=4.0)
-    assert np.abs(place.center_px - there).max() <= 4.5

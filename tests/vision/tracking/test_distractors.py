@@ -134,13 +134,3 @@ def test_what_a_wider_range_of_colours_takes_in_is_no_news(monkeypatch: pytest.M
         finder.find(picture(rng, pale, *([((380.0, 300.0), 40, RED)] if k >= 60 else [])), expected(HOMES, 2.0, HUES))
         came += [k] * len(finder.came)
     assert came == [62]
-
-
-def test_nothing_is_reported_where_nobody_asks() -> None:
-    rng = np.random.default_rng(5)
-    finder = MarkFinder([MarkHue(0.0), MarkHue(240.0)])
-    for _ in range(FIRST):
-        finder.find(picture(rng), expected(HOMES, 2.0, HUES))
-    for _ in range(5):
-        finder.find(picture(rng, ((380.0, 300.0), 20, RED)), expected(HOMES, 2.0, HUES))
-        assert finder.came == ()

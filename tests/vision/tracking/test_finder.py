@@ -39,29 +39,6 @@ def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.Monke
     assert all(region is not None and region[2] * region[3] < 80 * 80 for region in regions[1:])
 
 
-def test_marks_of_other_hues_nearby_do_not_slow_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regions of two hues that overlap are searched one by one, by the fast path."""
-    rng, n_long = np.random.default_rng(9), 0
-
-    def never(*_given, **_more):
-        nonlocal n_long
-        n_long += 1
-        return []
-
-    places = {"M1": np.array([300.0, 200.0]), "M3": np.array([330.0, 204.0])}
-    hues_deg = {"M1": 0.0, "M3": 240.0}
-    finder = MarkFinder([MarkHue(hue_deg) for hue_deg in hues_deg.values()])
-    for k in range(3):
-        discs = [Disc(places[name] + 2.0 * k, (10.0, 10.0), hue_deg) for name, hue_deg in hues_deg.items()]
-        where = expected(places, 4.0, hues_deg)
-        found = {one.name: one.detection for one in finder.find(frame({}, rng, *discs), where)}
-        assert {name: seen.hue_deg for name, seen in found.items()} == hues_deg
-        for name, seen in found.items():
-            assert np.abs(seen.center_px - places[name] - 2.0 * k).max() < 0.1
-        monkeypatch.setattr(vision.tracking.stages, "detect_marks", never)  # after the first picture
-    assert n_long == 0
-
-
 def test_a_mark_that_leaves_its_place_is_looked_for_everywhere() -> None:
     rng = np.random.default_rng(2)
     finder = MarkFinder([MarkHue(0.0)])

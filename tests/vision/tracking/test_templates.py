@@ -62,19 +62,6 @@ def test_a_mark_that_was_on_blood_from_the_start_is_found_as_another_of_its_kind
     assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
-def test_a_mark_on_blood_is_found_when_a_shadow_falls_on_it() -> None:
-    rng = np.random.default_rng(7)
-    finder = warmed(rng)
-    at = np.array(HOMES["M1"])
-    blood = Disc(at + np.array([12.0, 6.0]), (26.0, 20.0), **BLOOD)
-    for light in (1.0, 0.9, 0.8, 0.7, 0.6):
-        picture = frame(rng, [blood])
-        picture[:, :200] = np.rint(light * picture[:, :200].astype(float)).astype(np.uint8)
-        found = {f.name: f.detection for f in finder.find(picture, expected(rng, HOMES))}
-        assert found.keys() == HOMES.keys(), light
-        assert np.abs(found["M1"].center_px - at).max() < 2.0, light
-
-
 def test_a_mark_behind_a_hand_is_not_named() -> None:
     rng = np.random.default_rng(2)
     finder = warmed(rng)

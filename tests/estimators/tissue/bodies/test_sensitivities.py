@@ -27,10 +27,7 @@ def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
 
 
 def test_a_body_without_anchors_rests_in_the_shape_of_its_lengths_where_it_was():
-    """A triangle of springs is rigid: each length alone changes by its error, and nothing is moved or turned. Rounding.
-
-    A spring as long as it rests makes no difference by its stiffness.
-    """
+    """A triangle of springs is rigid: each length alone changes by its error; nothing is moved or turned."""
     corners, springs = np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.04]]), np.array([[0, 1], [1, 2], [2, 0]])
     lengths = np.array([0.03, 0.05, 0.04])
     constants = {"masses": 0.02, "stiffness": [50.0, 20.0, 90.0], "rest_lengths": lengths}

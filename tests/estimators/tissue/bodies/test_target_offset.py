@@ -60,32 +60,6 @@ def test_what_a_fix_showed_outlasts_a_gap_and_a_loss():
     assert np.sqrt(np.diag(estimate.cov)).max() < 1.5e-3
 
 
-def test_predictions_have_it_too():
-    """Ahead, with a fix: the tables against the filter's own prediction, as without an offset."""
-    tissue = made(SD_M)
-    tracked(tissue)
-    tissue.fix(tracked(made(0.0)).mean + np.array([5e-3, 0.0]), FIX_M**2 * np.eye(2))
-    tables = tissue.tables(10, 1.0 / 30.0)
-    times, (_, means, covs) = tables.times(tissue), tables.parts(tissue)[-1]
-    slow_means, slow_covs = tissue.predict_path(times)
-    np.testing.assert_allclose(means, slow_means, atol=2e-4)
-    np.testing.assert_allclose(np.sqrt(covs[:, 0, 0]), np.sqrt(slow_covs[:, 0, 0]), rtol=0.2)
-
-
-def test_a_stiff_body_has_it_beside_its_own_field():
-    """The field through the marks has the node's place: the offset comes on top of what is reported of that.
-
-    Innovations inflate the whole state of such a body, the offset's error by as much as the others.
-    """
-    soft = four_mass_phantom()
-    stiff = replace(soft, stiffness=1e3 * soft.stiffness)
-    plain, loose = (made(sd_m, network=stiff) for sd_m in (0.0, SD_M))
-    known, found = tracked(plain), tracked(loose)
-    np.testing.assert_allclose(found.mean, known.mean, atol=1e-5)
-    ratio = np.diag(found.cov) / np.diag(known.cov + SD_M**2 * np.eye(2))
-    assert 0.98 < ratio.min() <= ratio.max() < 1.2
-
-
 @pytest.mark.parametrize("sd_m", [-1e-3, np.nan, np.inf])
 def test_a_place_known_to_no_number_is_refused(sd_m):
     with pytest.raises(ValueError, match="sd_m: expected 0 or more, finite"):

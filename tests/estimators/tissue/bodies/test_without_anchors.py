@@ -10,10 +10,7 @@ from tests.networks import build_network
 
 @pytest.mark.parametrize("away_m", [1.0, 100.0])
 def test_it_may_start_anywhere(away_m):
-    """The first marks are far from where it is drawn, turned by two radians: it starts there within 0.7 s.
-
-    Four corners, one node inside, a spring between any two, as long as drawn.
-    """
+    """The first marks are far from where it is drawn, turned by two radians: it starts there within 0.7 s."""
     places = 0.05 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.2, -0.1]])
     springs = [(i, j) for i in range(5) for j in range(i)]
     constants = {"masses": 0.02, "drag": 0.01, "stiffness": 50.0, "damping": 0.5, "gravity": [0.0, -9.81]}

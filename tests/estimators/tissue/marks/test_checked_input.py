@@ -15,15 +15,11 @@ BAD = {
     "zero": (GOOD[0], np.zeros((2, 2)), " cov: expected a symmetric positive definite matrix"),
     "not symmetric": (GOOD[0], SD**2 * np.array([[1.0, 0.5], [0.1, 1.0]]), " cov: expected a symmetric"),
     "nan": (GOOD[0], np.array([[SD**2, 0.0], [0.0, NAN]]), ": expected finite numbers"),
-    "infinite": (GOOD[0], np.diag([SD**2, np.inf]), ": expected finite numbers"),
-    "a number": (GOOD[0], np.array(SD**2), r" cov: expected shape \(2, 2\), found \(\)"),
     "variances alone": (GOOD[0], np.ones(2), r" cov: expected shape \(2, 2\), found \(2,\)"),
     "another dimension": (GOOD[0], SD**2 * np.eye(3), r" cov: expected shape \(2, 2\), found \(3, 3\)"),
     "no place": (np.array([NAN, 0.0]), GOOD[1], ": expected finite numbers"),
-    "an infinite place": (np.array([0.0, -np.inf]), GOOD[1], ": expected finite numbers"),
     "a place of one more": (np.zeros(3), GOOD[1], r" cov: expected shape \(3, 3\), found \(2, 2\)"),
     "a column": (np.zeros((2, 1)), GOOD[1], " position: expected one dimension"),
-    "a number as a place": (np.array(0.0), GOOD[1], " position: expected one dimension"),
 }
 
 

@@ -24,7 +24,7 @@ from experiments.formats.scene.scene import Mark, Scene, read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.live.warm_up import warm_up
-from experiments.simulation.plane_film import draw
+from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
