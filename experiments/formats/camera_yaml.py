@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ DISTORTION = "distortion_coefficients"
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
 """Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, two tilts."""
+
+MOST_PX = 10**9
+"""Upper limit of a picture's width and height [px]; choice: OpenCV reads larger numbers wrongly."""
 
 N_DLT = 11
 """Number of coefficients of one camera in a direct linear transformation, L1 to L11."""
@@ -48,7 +51,7 @@ def read_lens_file(path: Path) -> LensFile | None:
     if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
         return _read(path, text, path.stem)
     if re.search(r"^(camera_matrix|image_width|distortion_model):", text, flags=re.MULTILINE):
-        return _read(path, _of_opencv(text), None)
+        return replace(_read(path, _of_opencv(text), None), name=_ros_name(text))
     if re.search(r"^\s*(T_cam_imu|camera_model|distortion_coeffs|intrinsics):", text, flags=re.MULTILINE):
         own = "camera_matrix and distortion_coefficients in the form of ROS, from its intrinsics and distortion_coeffs"
         raise InputError.at(path, own, "a file of Kalibr")
@@ -92,8 +95,15 @@ def _block(key: str, values: Floats) -> list[str]:
 
 def _of_opencv(text: str) -> str:
     """A file of ROS as YAML that OpenCV reads: without comments and marks of documents, its lists indented."""
-    text = re.sub(r"(^|[ \t])#.*$|^(---|%).*$|^camera_name:[ \t]*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"(^|[ \t])#.*$|^(---|%).*$|^camera_name:.*$", "", text, flags=re.MULTILINE)
     return "%YAML:1.0\n" + re.sub(r"^([ \t]*)-[ \t]", r"\1    - ", text, flags=re.MULTILINE)
+
+
+def _ros_name(text: str) -> str | None:
+    """The camera's name in a file of ROS: also a number, such as the serial number of a camera."""
+    form = r"""^camera_name:[ \t]*("[^"\n]*"|'[^'\n]*'|[^\s#"'](?:[^#\n]|(?<=\S)#)*)"""
+    found = re.search(form, text, flags=re.MULTILINE)
+    return None if found is None else found[1].strip().strip("\"'") or None
 
 
 def _read(path: Path, text: str, name: str | None) -> LensFile:
@@ -120,9 +130,8 @@ def _read(path: Path, text: str, name: str | None) -> LensFile:
     size = []
     for key in ("image_width", "image_height"):
         node = file.getNode(key)
-        if not node.isInt() or node.real() < 1:
-            found = shown(node.string()) if node.isString() else "none"
-            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", found)
+        if not node.isInt() or not 1 <= node.real() < MOST_PX:
+            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", _found(node))
         size.append(int(node.real()))
     matrix, distortion = (_matrix(f"{path}: {key}", file.getNode(key)) for key in ("camera_matrix", DISTORTION))
     name = own_name.string() if own_name.isString() else name
@@ -138,9 +147,18 @@ def _matrix(place: str, node: Any) -> Floats:
             raise InputError.at(f"{place}.{key}", "this key", "none")
     rows, cols, data = (node.getNode(key) for key in ("rows", "cols", "data"))
     entries = [data.at(k) for k in range(data.size())] if data.isSeq() else []
-    if not all(entry.isInt() or entry.isReal() for entry in entries) or len(entries) != rows.real() * cols.real():
-        raise InputError.at(f"{place}.data", "rows times cols numbers in brackets", f"{len(entries)} entries")
+    other = [_found(entry) for entry in entries if not (entry.isInt() or entry.isReal())]
+    is_shape = rows.isInt() and cols.isInt() and min(rows.real(), cols.real()) >= 0
+    if other or not is_shape or len(entries) != rows.real() * cols.real():
+        found = other[0] if other else f"{len(entries)} entries, {_found(rows)} rows and {_found(cols)} cols"
+        raise InputError.at(f"{place}.data", "rows times cols numbers in brackets", found)
     return np.array([entry.real() for entry in entries]).reshape(int(rows.real()), int(cols.real()))
+
+
+def _found(node: Any) -> str:
+    if node.isString():
+        return shown(node.string())
+    return f"{node.real():.12g}" if node.isInt() or node.isReal() else "none"
 
 
 def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:

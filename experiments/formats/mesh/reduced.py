@@ -29,7 +29,10 @@ def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) ->
     """
     own = json.dumps([_program(), np.__version__, key])
     path = _cache() / f"{hashlib.sha256(own.encode()).hexdigest()}.pickle"
-    content = path.read_bytes() if path.is_file() else b""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        content = b""
     if content and hashlib.sha256(content[DIGEST:]).digest() == content[:DIGEST]:
         kept: MassSpringNetwork = pickle.loads(content[DIGEST:])
         return kept

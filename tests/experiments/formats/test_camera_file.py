@@ -196,7 +196,13 @@ image_width: 640 | image_width: wide | image_width: expected a whole number of 1
 image_height: 480\n |  | image_height: expected a whole number of 1 or more, found none
   cols: 5\n |  | distortion_coefficients.cols: expected this key, found none
   cols: 5\n |   cols: 4\n | distortion_coefficients.data: expected rows times cols numbers in brackets
-[535.5, | [x, | camera_matrix.data: expected rows times cols numbers in brackets
+  cols: 5\n |   cols: -5\n | distortion_coefficients.data: expected rows times cols numbers in brackets, found 5 entries
+  cols: 5\n |   cols: 2.5\n | distortion_coefficients.data: expected rows times cols numbers in brackets
+  rows: 3\n  cols: 3\n |   rows: -3\n  cols: -3\n | camera_matrix.data: expected rows times cols numbers in brackets
+  rows: 3\n  cols: 3\n |   rows: 4.5\n  cols: 2\n | camera_matrix.data: expected rows times cols numbers in brackets
+image_width: 640 | image_width: 640.5 | image_width: expected a whole number of 1 or more, found 640.5
+image_width: 640 | image_width: 99999999999999999999 | image_width: expected a whole number of 1 or more, found 9.2
+[535.5, | [x, | camera_matrix.data: expected rows times cols numbers in brackets, found "x"
 [535.5, | [-535.5, | camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0
 camera_matrix: | matrix: | camera_matrix: expected rows, cols and data, found none
 image_width: 640 | what is this | line 2: expected YAML of OpenCV or ROS, found Only
@@ -206,6 +212,23 @@ image_width: 640 | what is this | line 2: expected YAML of OpenCV or ROS, found 
 @pytest.mark.parametrize(("old", "new", "message"), rows(ROS_FAULTS))
 def test_faults_of_ros_yaml_name_file_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert spoilt(read_lens_file, tmp_path / "ros.yaml", ROS, old, new).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("stated", "name"),
+    [
+        ("00123", "00123"),
+        ("12345678 # a serial number", "12345678"),
+        ("HD camera: left", "HD camera: left"),
+        ("'eye #1'", "eye #1"),
+        ('"eye #1"', "eye #1"),
+        ("", None),
+    ],
+)
+def test_a_name_in_ros_yaml_may_be_any_text(tmp_path: Path, stated: str, name: str | None) -> None:
+    path = tmp_path / "ros.yaml"
+    path.write_text(ROS.replace("narrow_stereo", stated), encoding="utf-8")
+    assert read_lens_file(path).name == name
 
 
 @pytest.mark.parametrize(

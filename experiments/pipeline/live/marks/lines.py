@@ -42,6 +42,10 @@ class SentLine(Strict):
     marks: list[SentMark]
 
 
+KEYS = (*SentLine.model_fields, *SentMark.model_fields)
+"""All keys of a line."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFrame:
     """A frame of marks, possibly none; time_s: its time by the sender's clock [s]."""
@@ -93,6 +97,9 @@ def _row(place: str, mark: SentMark, scene: Scene) -> MarkRow:
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
+    for key in table:
+        if key not in KEYS:  # before pydantic, which cannot report every text that JSON can have
+            raise InputError(f"expected the keys {', '.join(KEYS)}, found {shown(key)}")
     if len(table) < len(pairs):
         raise InputError(f"expected each key once, found {shown([key for key, _ in pairs])}")
     return table

@@ -120,6 +120,17 @@ def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: Reduced, tmp_
     assert made.calls == 2
 
 
+def test_a_file_of_the_cache_that_cannot_be_read_is_made_again(made: Reduced, monkeypatch: pytest.MonkeyPatch) -> None:
+    made()
+
+    def refuse(_path: Path) -> bytes:
+        raise PermissionError
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    made()
+    assert made.calls == 2
+
+
 def test_without_a_cache_it_is_made_each_time(made: Reduced, tmp_path: Path) -> None:
     (tmp_path / "softaim").write_text("a file, and no folder", encoding="utf-8")
     made()
