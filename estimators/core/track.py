@@ -98,7 +98,7 @@ class TissueFilter(TissuePosterior):
         self.begin()
         if self._placed is not None and not as_drawn:
             self.filter.means[:, self.process.parts["position"]] = self._placed
-        elif not self.network.fixed.any():
+        elif not self.network.fixed.any() and self.network.continuum is None:
             self.filter.means[:, self.process.parts["position"]] = self.registered(marks)
         if self.health.status is not Status.DIVERGED:
             self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov

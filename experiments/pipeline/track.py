@@ -22,6 +22,7 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
+from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.integrity import error_budget, target_variances, variance_shares
 from experiments.pipeline.line import FILTER, OPEN_LOOP, AnyFrame, Line, Step, Watcher
 from experiments.pipeline.scores.fit import (
@@ -146,6 +147,7 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Ste
     if recording.films:
         with ahead(exposures_of(recording.films)) as exposures:
             for exposure in exposures:
+                check_size(exposure, recording.scene)
                 yield exposure, line.see_all(exposure)
         return
     with recording.open_frames() as film, ahead(film) as frames:

@@ -113,7 +113,7 @@ def test_the_cache_has_the_same_network(made: Reduced) -> None:
 
 def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: Reduced, tmp_path: Path) -> None:
     made()
-    (file,) = tmp_path.rglob("*.pickle")
+    (file,) = tmp_path.rglob("*.npz")
     file.write_bytes(file.read_bytes()[:-9])
     made()
     made()

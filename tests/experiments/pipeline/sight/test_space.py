@@ -4,15 +4,19 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 
 import vision
 from experiments.arrays import Floats
+from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
+from experiments.pipeline import track
 from experiments.pipeline.identify import check_shown
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.sight.camera import AGAIN, PATIENCE
@@ -166,6 +170,16 @@ def test_a_stated_error_of_the_calibration_is_shared_and_explains_it() -> None:
         away = mark.position - place(scene, mark.node)
         # seen by cameras that are turned back by one standard deviation
         assert away @ np.linalg.solve(mark.total_cov, away) < 9.0
+
+
+def test_a_later_picture_of_another_size_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder's first picture alone is compared when the recording is read."""
+    scene, rng = breast(), np.random.default_rng(6)
+    small = Exposure(0.1, {"left": np.zeros((240, 320, 3), np.uint8)})
+    monkeypatch.setattr(track, "exposures_of", lambda _films: iter([pictures(scene, rng), small]))
+    recording = SimpleNamespace(marks=None, films=True, scene=scene)
+    with pytest.raises(InputError, match=r"size_px: expected \[320, 240\], like the frames, found \[640, 480\]"):
+        list(track.each_frame(Line(scene, baseline=False), recording))
 
 
 def test_sixty_marks_of_three_hues_keep_their_names() -> None:
