@@ -49,7 +49,7 @@ class Disturbances:
     n_poked : int
         Number of nodes that a poke pushes at most; with more marked nodes, each is pushed less; choice.
     n_marked : int
-        Number of marked nodes.
+        Number of marked nodes; `TissueProcess` sets it.
     bent : float
         Static displacement that a poke causes in a stiff body, relative to the body's extent [1]; choice.
     """

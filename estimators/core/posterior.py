@@ -112,7 +112,7 @@ class TissuePosterior:
         )
 
     def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """Coordinates (n,) of the drawn shape, moved rigidly to the marks if they determine the motion."""
+        """Coordinates [m], (n,), of the drawn shape, moved rigidly to the marks if they determine the motion."""
         drawn = self.network.positions
         places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
         measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]

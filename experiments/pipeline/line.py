@@ -168,7 +168,7 @@ class Line:
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
-        return self._step(exposure_s, lambda: self._found(image))
+        return self._step(exposure_s, lambda: self._found_on_plane(image))
 
     def see_all(self, exposure: vision.Exposure) -> Step:
         """Estimates at an exposure time from the pictures of cameras in space."""
@@ -176,7 +176,7 @@ class Line:
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from another tracker's marks."""
-        return self._step(exposure_s, lambda: self._named(marks))
+        return self._step(exposure_s, lambda: self._found_by_tracker(marks))
 
     def _step(self, exposure_s: float, find: Callable[[], Found]) -> Step:
         """Predict the filter, find the marks, and update all methods."""
@@ -200,7 +200,7 @@ class Line:
         seen, detect_s, predict_s = (*named.marks, *unmeasured), found - predicted, predicted - began
         return Step(estimates, seen, detect_s, method_s, named.swap, refused, sight, predict_s, reference)
 
-    def _named(self, marks: Sequence[MarkMeasurement]) -> Found:
+    def _found_by_tracker(self, marks: Sequence[MarkMeasurement]) -> Found:
         """The tissue's marks of another tracker, corrected with the reference marks among them."""
         by, seen = self.reference, None
         if by is not None:
@@ -231,8 +231,8 @@ class Line:
         if self.reference is not None:
             self.reference.predict(exposure_s)
 
-    def _found(self, image: NDArray[np.uint8]) -> Found:
-        """The marks in a frame, on the plane."""
+    def _found_on_plane(self, image: NDArray[np.uint8]) -> Found:
+        """The marks in a picture of one camera, on the plane."""
         by = self.reference
         reference = None if by is None else by.update(by.find(image))
         camera = self.camera

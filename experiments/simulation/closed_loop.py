@@ -184,6 +184,7 @@ def _committed(
 
 
 def _drawn_radius_m(world: World) -> float:
+    """Radius [m] of this run's lesion for the test of the probabilities, log-uniform over the runs."""
     return SMALLEST_M * float((LARGEST_M / SMALLEST_M) ** world.share)
 
 
