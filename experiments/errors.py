@@ -41,7 +41,7 @@ def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
-    """Convert OSError in a `with` block into InputError; numbers: error numbers to convert, () for all."""
+    """Convert OSError in a `with` block into InputError; numbers: error numbers to convert, by default all."""
     try:
         yield
     except OSError as error:
@@ -62,7 +62,7 @@ def shown(value: object) -> str:
 
 
 def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
-    """The n finite numbers in an option's text, separated by commas; raises InputError; expected: for the message."""
+    """The n finite numbers in an option's text, separated by commas. Otherwise raises InputError with `expected`."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -73,7 +73,7 @@ def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
 
 
 def no_node(name: object, names: Iterable[str]) -> str:
-    """Text for a message on an unknown node: its name, then names of nodes, the most similar name first."""
+    """Message on an unknown node: the unknown name, then names of existing nodes, the most similar name first."""
     known = list(names)
     similar = get_close_matches(str(name), known, n=1)
     first = [*similar, *(one for one in known if one not in similar)]
@@ -82,7 +82,7 @@ def no_node(name: object, names: Iterable[str]) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file, without a byte order mark; InputError for a missing file, or one that is not text."""
+    """The text of a UTF-8 file, without a byte order mark; InputError if the file cannot be read or is not UTF-8."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

@@ -21,12 +21,12 @@ def missing(extra: str) -> str | None:
 
 
 def needed(extra: str) -> str:
-    """The extra in words, with the command that installs it."""
+    """Text for a message: the name of an extra, and the command that installs it."""
     return f'the extra {extra} (pip install "softaim[{extra}]")'
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError if an extra is not installed; asked_by: option or file that needs it, for the message."""
+    """Raise InputError if an extra is not installed; asked_by: option or file that needs the extra."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

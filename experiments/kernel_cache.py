@@ -1,4 +1,4 @@
-"""Folder for compiled kernels. Without a writable folder, beside the code or in the user's cache, numba fails."""
+"""Folder for compiled kernels: numba fails if it can write neither beside the code nor in the user's cache."""
 
 from __future__ import annotations
 
@@ -24,6 +24,6 @@ def keep_kernels() -> None:
 
 
 def can_be_written(folder: Path) -> bool:
-    """Whether a folder is writable or, if it is missing, its nearest existing parent."""
+    """Whether a folder is writable. For a missing folder, whether its nearest existing parent is writable."""
     there = next((one for one in (folder, *folder.parents) if one.exists()), None)
     return there is not None and os.access(there, os.W_OK | os.X_OK)

@@ -1,4 +1,4 @@
-"""The program's log: messages for people go to standard error, all messages to softaim.log in an output folder."""
+"""The program's log. Warnings go to standard error, and all messages to softaim.log in an output folder."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LAST_S = 0.5
 
 
 class StandardError(logging.Handler):
-    """Writes messages to standard error as lines `softaim: text`. On a terminal a line overwrites a status line."""
+    """Writes messages to standard error as lines `softaim: text`."""
 
     def __init__(self, level: int) -> None:
         super().__init__(level)
@@ -43,7 +43,7 @@ class StandardError(logging.Handler):
 
     @contextmanager
     def unwaited(self) -> Iterator[None]:
-        """Let a thread write the lines in a `with` block, so that the program never waits until they are read."""
+        """In a `with` block, write lines in a thread, so that the program does not wait for a slow reader."""
         waiting: Queue[str | None] = Queue(MOST_WAITING)
 
         def work() -> None:

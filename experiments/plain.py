@@ -1,4 +1,4 @@
-"""Conversion of values for JSON, and numbers with nouns for messages."""
+"""Conversion of values for JSON, and text such as `2 marks` for messages."""
 
 from __future__ import annotations
 

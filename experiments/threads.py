@@ -1,7 +1,4 @@
-"""Threads: libraries use one thread each, because arrays are so small that more threads would only wait.
-
-The module also sets up helper processes, and has an iterator whose items a thread computes in advance.
-"""
+"""Threads: limit libraries to one thread each, as arrays are small, and compute items of an iterator in advance."""
 
 from __future__ import annotations
 
@@ -33,13 +30,13 @@ ONE_THREAD = dict.fromkeys(
 
 
 def one_thread_each() -> None:
-    """Set the variables of ONE_THREAD that the user has not set; call before NumPy and OpenCV are loaded."""
+    """Set the environment variables of ONE_THREAD that the user has not set. Call this before NumPy is imported."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))
 
 
 def begin_helper() -> None:
-    """Set up a helper process: one thread per library, and no reaction to Ctrl-C, as its parent process ends it."""
+    """Set up a helper process: one thread for each library, and no reaction to Ctrl-C."""
     one_thread_each()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

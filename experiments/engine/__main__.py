@@ -1,6 +1,6 @@
 """Repeat one failed run from its record: `python -m experiments.engine FAILURE.json`.
 
-It prints the run's result; an exception is shown in full, with exit code 1.
+The command prints the run's result. If the run fails, it shows the whole traceback, with exit code 1.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from experiments.errors import InputError, read_text
 
 
 def repeat(path: Path) -> object:
-    """Repeat the run of a record and return its result. Raises InputError if the file is not a record."""
+    """Repeat the failed run that a file describes, and return its result. Raises InputError for another file."""
     try:
         record = json.loads(read_text(path))
         work, case = named_work(record["work"]), record["case"]
@@ -26,7 +26,7 @@ def repeat(path: Path) -> object:
 
 
 def main() -> None:
-    """Repeat the run whose record the command line names."""
+    """Repeat the failed run whose file the command line names."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("record", type=Path)
     try:

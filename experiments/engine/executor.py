@@ -1,7 +1,7 @@
 """Execution of runs, in this process or by the workers of Dask.
 
-Runs are sent to workers in batches. A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a
-batch, each of its runs is repeated alone at the end. If a worker then dies again, the run has failed.
+Runs are sent to workers in batches. A batch ends after BATCH_S; its remaining runs are sent again. If workers die
+during a batch, each of its runs is repeated alone at the end. If workers die again during a run, this run has failed.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ DIED = "KilledWorker: the worker processes of this run died in all tries, out of
 
 
 class RunsFailedError(Exception):
-    """Error for failed runs of a study; the message has their number and the first failure."""
+    """Error for failed runs of a study; the message has the number of failed runs and the first failure."""
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
-    """Outcomes of the jobs as they finish. If other processes do them, jobs and results must be picklable."""
+    """Outcomes of the jobs as they finish. Unless this process does all jobs, jobs and results must be picklable."""
     if workers.own_process:
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
@@ -67,7 +67,7 @@ def results(
 
 
 def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -> list[Run]:
-    """Do the runs of a batch until BATCH_S is over, but at least one; results are pickled."""
+    """Do the runs of a batch, and pickle the results. After BATCH_S no further run is started."""
     began = time.perf_counter()
     runs = []
     for index, job in zip(indices, jobs, strict=True):
@@ -82,9 +82,9 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 
 
 class _Sending:
-    """Jobs that are not finished: waiting jobs, jobs to be repeated alone, and sent batches.
+    """Sends jobs to workers, and receives the outcomes.
 
-    local: whether to stop if there are no workers for a long time; a cluster, in contrast, may get its workers later
+    local: whether the workers are on this machine; if no local worker exists for NO_WORKER_S, the study ends
     """
 
     def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
@@ -118,7 +118,7 @@ class _Sending:
                 self.count_workers()
 
     def count_workers(self) -> None:
-        """Update the number of workers. Raises InputError after a long time without workers."""
+        """Update the number of workers. Raises InputError after NO_WORKER_S without a local worker."""
         now = time.monotonic()
         if now - self.counted <= COUNTED_EACH_S:
             return
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes in a returned batch; runs that were not started wait again."""
+        """The outcomes in a returned batch; singly: whether the batch is one repeated run. Other runs wait again."""
         from distributed import CancelledError, KilledWorker
 
         try:

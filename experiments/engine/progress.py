@@ -16,7 +16,7 @@ COMPILES = "a first run compiles"
 """Text that is shown at the start of a stage, because code is compiled in its first steps."""
 
 BEGUN = 0.01
-"""Completed share of a stage below which `COMPILES` is shown; choice: a few of hundreds of frames."""
+"""Completed share of a stage below which `COMPILES` is shown; choice: a few frames out of hundreds."""
 
 WAITS_S = 3.0
 """Time from the start of a stage until the progress bar shows `COMPILES` [s]; choice."""
@@ -60,7 +60,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """Show progress as lines: the first after first_s [s], each further line when the elapsed time has doubled."""
+    """Show progress as lines. The first line comes after first_s [s], and the time doubles for each further line."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 

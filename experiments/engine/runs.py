@@ -1,4 +1,4 @@
-"""One run of a study: its function and job, its outcome, its key, and its record if it failed."""
+"""One run of a study: function, job, outcome and key."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def last_line(fault: BaseException) -> str:
 
 
 def importable(work: Work) -> Work:
-    """The function as other processes import it from its module. Raises ValueError if they cannot.
+    """The same function, imported under its module's name instead of `__main__`, for use in other processes.
 
-    In the process of `python -m MODULE` this module is named `__main__`, in other processes it is not.
+    Raises ValueError if other processes cannot import it.
     """
     if isinstance(work, partial):
         if work.args:
@@ -83,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """Name of the module of a function; for a partial, of the function that it calls or has as a keyword."""
+    """Name of the module of a function; for a `functools.partial`, of a function in its keywords, if there is one."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)
@@ -99,7 +99,7 @@ def named_work(name: str) -> Work:
 
 @cache
 def program() -> str:
-    """Digest of the source of the four packages, by which results state which program produced them."""
+    """Digest of the source of the packages in PACKAGES; it shows which program produced results."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)

@@ -1,4 +1,4 @@
-"""Use of other cores for one estimation. Processes on them start only if that saves time."""
+"""Use of several cores for one estimation. Other processes start only if the estimation takes long enough."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Type of a map function, such as the `map` of a pool of processes."""
 
 WORTH_S = 4.0
-"""Duration of a call of the map [s] after which later calls use other processes; these start within two seconds."""
+"""If a call of the map function takes this time [s], later calls use other processes, which start within 2 s."""
 
 
 NEEDED = "estimators"
-"""Package that processes import first if they start in advance; this import takes most of their starting time."""
+"""Package that processes started in advance import at once; this import takes most of their starting time."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The results in the order of the items. The pool begins with the first item, this process with the last item.
+    """The results in the order of the items. The pool starts with the first item, this process with the last.
 
-    If a process of the pool is killed, this process does its work.
+    If a process of the pool is killed, this process computes the missing results.
     """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
@@ -50,10 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map function. After a call that took WORTH_S or more, it also uses one process for each other core.
+    """Yields a map function that first uses this process alone. After a call of WORTH_S or more, it uses all cores.
 
-    n_cores: number of cores, by default all; ahead: whether to start the other processes now
-    Functions and arguments must be picklable.
+    n_cores: number of cores, by default all; ahead: if True, the map function uses all cores from the start
+    Functions and arguments of the map function must be picklable.
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

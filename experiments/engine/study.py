@@ -1,8 +1,8 @@
-"""A study: one function and many cases. Runs are stored as they finish; an interrupted study can be continued.
+"""A study applies one function to many cases. Runs are stored as they finish; an interrupted study can be continued.
 
-The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. Its columns
-are numbers and texts of the case, columns of the result, and columns of the engine (OWN). `failures/` has a file for
-each failed run. `kept/` has all runs ever done.
+The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. It has
+columns of the case, of the result, and of the engine (OWN). `failures/` has a file for each failed run. `kept/` has the
+results of all runs ever done, in several files.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 KEPT = "kept"
-"""Name of the subfolder of a study's folder in which these files, the parts, are stored."""
+"""Name of the subfolder of a study's folder with the results of all runs; each of its files is called a part."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between the writing of two parts [s]; least ratio of this time to the time since the start [1]; choice:
-about a thousand parts per day."""
+"""Least time between the writing of two parts [s], and its least ratio to the time since the start of the study [1];
+choice: about a thousand parts per day."""
 
 
 class Parts:
-    """Collects rows and writes them as parts.
+    """Collects results of runs as rows of a table, and writes them from time to time to a new file, a part.
 
-    rows: rows not yet written; began, written: time of the start, time at which the last part was written [s]
+    rows: rows that are not yet written; began: time of the start [s]; written: time of the last part [s]
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,14 +51,14 @@ class Parts:
         self.began = self.written = time.monotonic()
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add the rows of a run; write them if the last part is old enough."""
+        """Add the rows of a run. If the last file was written long ago, write all collected rows to a new file."""
         self.rows.extend(rows)
         now = time.monotonic()
         if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
             self.write()
 
     def write(self) -> None:
-        """Write the waiting rows, if there are any."""
+        """Write the collected rows, if there are any, to a new file."""
         if self.rows:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(self.folder / f"{secrets.token_hex(8)}.parquet", parquet(table_of(self.rows)))
@@ -66,7 +66,7 @@ class Parts:
 
 
 def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Rows as a table; columns are in the order in which they first appear, missing values are null."""
+    """The rows as a table with the columns of all rows; missing values are null."""
     import pyarrow as pa
 
     columns = dict.fromkeys(name for row in rows for name in row)
@@ -86,7 +86,7 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def read_parts(folder: Path) -> pa.Table | None:
-    """The rows of all parts; None if there are no parts. Columns of integers become floats if any part has floats."""
+    """The rows of all files in a folder; None if there are no files. Integers in a column of floats become floats."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -97,8 +97,8 @@ def read_parts(folder: Path) -> pa.Table | None:
 RUNS = "runs.parquet"
 FAILURES = "failures"
 OWN = ("seconds", "failure", "command", "program", "key")
-"""Columns that the engine adds: a run's duration, its failure, the command that repeats it, the program's digest, its
-key."""
+"""Columns that the engine adds: the run's duration, its failure, the command that repeats the run, the digest of the
+program, and the run's key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,11 +131,11 @@ def run_study(
 ) -> Study:
     """Do the runs that failed or are missing in the folder, and write the folder's table.
 
-    work: returns one mapping of columns, or a list of mappings, with numbers, texts, booleans, lists of numbers
+    work: function of a case that returns a row of the table, as a mapping, or a list of rows
     cases: different mappings of JSON types; their top-level numbers and texts become columns
     advance: called with the completed share
 
-    Raises InputError for a missing extra or scheduler, ValueError for two equal cases.
+    Raises InputError for a missing extra or scheduler, and ValueError for two equal cases.
     """
     require("studies", "cluster")
     folder = Path(folder)
@@ -172,7 +172,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError if there are none, or if they have a column of the case or of OWN."""
+    """The rows of a run. Raises ValueError for no rows, and for a column that the case or the engine also has."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:
@@ -211,9 +211,9 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
-    """Rows of the runs with these keys, in order. If a run was done twice, only one result is used, a success if any.
+    """The rows of the runs with these keys, in the order of the keys.
 
-    The rows of a run must be contiguous.
+    If a run was done several times, the rows of only one result are used, if possible of a success.
     """
     if kept is None:
         return table_of([])

@@ -27,8 +27,8 @@ SELDOM = {
 """Settings of Dask's monitoring: with the default intervals it takes 12 % of a core, with these 1 %."""
 
 DEATHS = 2
-"""If this many local workers die in a batch, each of its runs is repeated alone; if this many die in a single run, the
-run has failed; choice: one death may have an external cause."""
+"""If this many local workers die in a batch, each run of the batch is repeated alone. If this many die in such a run,
+the run has failed. Choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
@@ -44,7 +44,7 @@ NO_WORKER_S = 300.0
 class Workers:
     """Where runs are done: in processes on this machine, or by the workers of a Dask scheduler.
 
-    n_processes: number of processes on this machine; 1 for this process alone, None for one for each core
+    n_processes: number of processes on this machine; 1: this process alone; None: as many as cores
     scheduler: address of a Dask scheduler, `tcp://host:8786`; if stated, n_processes is not used
     """
 
@@ -68,7 +68,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The wanted workers. For ALL_CORES with few runs, or without the extra `cluster`, they are this process alone."""
+    """The wanted workers, but OWN_PROCESS in place of ALL_CORES for few runs or without the extra `cluster`."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -79,9 +79,9 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
 
 @contextmanager
 def connected(workers: Workers, module: str) -> Iterator[Client]:
-    """A client of the scheduler, or of a local cluster that is closed at the end. Raises InputError.
+    """A Dask client of the workers. A local cluster is closed at the end. Raises InputError.
 
-    module: module of the work, imported once for all local processes
+    module: name of a module that local processes get already imported
     """
     require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client
@@ -132,7 +132,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """Modules to load before workers are forked: this module or, if `python -m` runs it, modules that it imports."""
+    """Modules to import before workers are forked: `module`, or the modules that it imports if `python -m` runs it."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:
@@ -142,10 +142,7 @@ def _needed_by(module: str) -> list[str]:
 
 
 def _start_forkserver(module: str) -> None:
-    """Start the process from which workers are forked, with their modules loaded.
-
-    Without it, each new worker would import these modules for seconds.
-    """
+    """Start a process that imports the modules of the workers, so that workers forked from it start fast."""
     from multiprocessing import forkserver
 
     from distributed.utils import get_mp_context

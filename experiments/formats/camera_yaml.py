@@ -94,13 +94,13 @@ def _block(key: str, values: Floats) -> list[str]:
 
 
 def _of_opencv(text: str) -> str:
-    """A file of ROS as YAML that OpenCV reads: without comments and marks of documents, its lists indented."""
+    """The text of a ROS file as YAML that OpenCV can read: without comments and camera name, with indented lists."""
     text = re.sub(r"(^|[ \t])#.*$|^(---|%).*$|^camera_name:.*$", "", text, flags=re.MULTILINE)
     return "%YAML:1.0\n" + re.sub(r"^([ \t]*)-[ \t]", r"\1    - ", text, flags=re.MULTILINE)
 
 
 def _ros_name(text: str) -> str | None:
-    """The camera's name in a file of ROS: also a number, such as the serial number of a camera."""
+    """The camera's name in a file of ROS; the name may be a number."""
     form = r"""^camera_name:[ \t]*("[^"\n]*"|'[^'\n]*'|[^\s#"'](?:[^#\n]|(?<=\S)#)*)"""
     found = re.search(form, text, flags=re.MULTILINE)
     return None if found is None else found[1].strip().strip("\"'") or None
@@ -109,7 +109,7 @@ def _ros_name(text: str) -> str | None:
 def _read(path: Path, text: str, name: str | None) -> LensFile:
     """The lens in a text that cv2.FileStorage reads.
 
-    name: the camera's name if the file does not state it; None for a file of ROS, which has to state its model
+    name: default name of the camera; None for a file of ROS, which must state the distortion model
     """
     try:
         with quiet_opencv():

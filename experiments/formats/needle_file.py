@@ -20,9 +20,9 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]`: constants of the needle's forces that the filter assumes; by default those in soft PVC.
+    """`[forces]`: constants of `dynamics.NeedleMechanics` that the filter assumes; the defaults are for soft PVC.
 
-    The constants are those of `dynamics.NeedleMechanics`. error: largest relative deviation of a true constant
+    error: largest relative deviation of a true constant from the assumed constant
     If puncture_N is 0, the skin has no resistance.
     """
 
@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The needle as advice assumes it; the relative error of its force is uniformly distributed."""
+        """The needle for estimators; `force_sd` is that of a uniformly distributed relative error of the force."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -50,7 +50,7 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel that distributes a needle's force over the nodes [m]; a choice, 0.3 of a spring's length."""
+    """Width of the kernel that distributes a needle's force over the nodes [m]; choice: 0.3 of a spring's length."""
     lengths = network.rest_lengths
     if not len(lengths):  # points of a continuum: the distance to the nearest point replaces a spring's length
         places = network.positions
@@ -127,7 +127,7 @@ class NeedlePlan:
     forces: NeedleForces = FORCES
 
     def push_on(self, network: MassSpringNetwork, target: TargetPoint) -> NeedlePush:
-        """The displacement of a target in a network by the force of this needle."""
+        """The model of the target's displacement by the force of this needle."""
         return NeedlePush(network, target, self.forces.planned(network))
 
 

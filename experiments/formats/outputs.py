@@ -20,7 +20,7 @@ TIMES = ("time_s", "arrival_s")
 """Columns with times, which may be large, for example seconds since 1970."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""Error numbers of an operating system for a full disk or quota."""
+"""Error numbers of the operating system for a full disk and for an exhausted quota."""
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def _probe(final: Path, folder: Path) -> None:
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
     """The folder `path`. Files are written directly into it and stay after an exception.
 
-    It is for output that cannot be repeated, such as that of a live run. A new folder that stays empty is removed.
+    Use this for output that cannot be repeated, such as that of a live run. A new folder that stays empty is removed.
     force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = _folder(path, force, inputs)
@@ -90,7 +90,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, Path] | None = None) -> None:
     """Write several files together: all of them or, after any fault, none. Raises InputError.
 
-    contents: contents by path; written: complete temporary files by final path, which are moved last
+    contents: content of each file to write, by path
+    written: complete temporary files to move, by final path; they are moved last
     """
     paths = [*contents, *(written or {})]
     finals = {path: _final(path) for path in paths}

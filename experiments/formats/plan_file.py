@@ -44,7 +44,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: the permitted entries: a segment in the plane, or a box in space. About n of its points are tried."""
+    """`[entry]`: permitted entries on a segment in the plane, or in a box in space; about n of them are tried."""
 
     from_mm: Coordinates
     to_mm: Coordinates
@@ -85,8 +85,8 @@ class ObstacleTable(Strict):
 class PlanFile(Strict):
     """The content of `plan.toml`, version 1.
 
-    arrival_s: time from the last frame of a recording to the needle's arrival; target_sd_mm: standard deviation of the
-    target on each axis, for a scene without a recording
+    arrival_s: time from the last frame of a recording to the needle's arrival
+    target_sd_mm: standard deviation of the target on each axis, used without a recording
     """
 
     version: int
@@ -101,8 +101,9 @@ class PlanFile(Strict):
 class Task:
     """Content of a plan file in SI units.
 
-    kinds: the kind of each obstacle; arrival_s, target_sd_m: as in `PlanFile`
-    n_entries, n_aims: numbers of entries and of points to aim at that are tried
+    kinds: the kind of each obstacle
+    arrival_s, target_sd_m: as in `PlanFile`
+    n_entries: number of entries to try; n_aims: number of points to aim at for each entry
     """
 
     needle: PlannedNeedle

@@ -18,7 +18,7 @@ FORMAT = 1
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file, or of the sorted list of a folder's file names and their digests; raises InputError.
+    """SHA-256 of a file; for a folder, SHA-256 of a list with the name and digest of each file. Raises InputError.
 
     Provenance files and logs of this program are ignored.
     """
@@ -41,9 +41,10 @@ def provenance_text(
 ) -> str:
     """Text of a provenance file.
 
-    arguments: arguments of the command line; program: digest of the program's source; times: begin and end of the run
+    arguments: arguments of the command line
+    program: digest of the program's source; times: begin and end of the run
     inputs: digests of files and folders that were read, by path
-    scene: the scene that was used; left_out: processing steps that this scene lacks
+    scene: the scene that was used; left_out: processing steps that were not done on this scene
     """
     table: dict[str, Any] = {
         "version": FORMAT,

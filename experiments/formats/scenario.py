@@ -1,4 +1,4 @@
-"""Scenario files: what a simulation needs. They name a scene or the phantom, and state the forces on it."""
+"""Scenario files for simulations. A scenario names a scene or the phantom, and states the forces on the tissue."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_STEPS = 1_000_000
 """Largest number of frames, of samples of a tremor, or of pokes: 9 hours at 30 frames/s. More are a typing error."""
 
 PAPER_SD_MM = 4.14
-"""Standard deviation of the paper's marks for each axis [mm]."""
+"""Standard deviation of the marks in [paper] on each axis [mm]."""
 
 NEAR_SD_MM = 0.5
 """Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
@@ -47,7 +47,7 @@ determines the true constants; the filter uses those of the scene."""
 class SeenMarks(Strict):
     """Simulated errors of marks without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, which all methods know; by default that of the paper
+    sd_mm: standard deviation of a mark's error on each axis, which all methods know; by default the value of [paper]
     lost: share of missing marks; outliers: share of marks that are 30 to 150 mm from the true position
     """
 
@@ -57,10 +57,9 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """Simulated errors of marks without a film, and hue and size of the phantom's discs.
+    """Simulated errors of marks without a film, and hue and diameter of the phantom's discs.
 
-    The phantom has a disc on each free node. The filter does not use the disc on the hidden node; it only serves to
-    score estimates.
+    The phantom has a disc on each free node. The disc on the hidden node only serves to score estimates.
     """
 
     sd_mm: Positive | None = None  # type: ignore[assignment]
@@ -82,7 +81,7 @@ class Camera(Strict):
 class Video(Strict):
     """Format of the film.
 
-    light, distractors: light of the film, and number of objects of other hues; only if the scenario names a scene
+    light: light of the film; distractors: number of objects of other hues (for the phantom, [camera] has both keys)
     stagger_s: delay between the exposures of successive cameras in space
     """
 
@@ -169,7 +168,7 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, and complete it for the tissue that it names; raises InputError."""
+    """Read a scenario by its name or TOML file, with default values for its tissue; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -178,7 +177,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, without a check of its nodes; raises InputError."""
+    """Read a scenario by its name or TOML file, without a check whether its nodes exist; raises InputError."""
     path = SCENARIOS / f"{name}.toml" if name in shipped() else Path(name)
     if not path.is_file():
         raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
@@ -191,7 +190,7 @@ def read_scenario_file(name: str) -> Scenario:
 def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[str], place: str) -> Scenario:
     """The scenario with default values for this network; raises InputError for values that do not fit the network.
 
-    marked: nodes with a measured mark; place: name of the scenario, for messages
+    marked: nodes whose marks the filter uses; place: name of the scenario, for messages
     """
     change: dict[str, object] = {}
     for key in ("pokes", "breathing"):
@@ -219,7 +218,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture whose default start is the network's gravity; raises InputError if its rotation is not defined."""
+    """The posture with the network's gravity as default start; raises InputError if the rotation is not defined."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)
@@ -242,7 +241,7 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
 
 
 def scenario_file(name: str) -> Path | None:
-    """The file of a scenario; None for a scenario of the program."""
+    """The file of a scenario; None for a scenario that comes with the program."""
     return None if name in shipped() else Path(name)
 
 

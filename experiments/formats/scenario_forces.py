@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table under the body: random acceleration of all free nodes, white below 1 / (2 interval_s)."""
+    """Tremor of the table under the body: random acceleration of all free nodes, white up to 1 / (2 interval_s)."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
@@ -31,8 +31,8 @@ class Release(Strict):
 class _Forces(Strict):
     """Forces on nodes.
 
-    nodes: by default all nodes with a measured mark
-    acceleration_m_s2: the largest force on a node divided by the node's mass
+    nodes: nodes on which the forces act; by default, all nodes whose marks the filter uses
+    acceleration_m_s2: peak of the strongest poke, or amplitude of breathing, divided by the node's mass
     shortest_s, longest_s: range of the random duration of a poke, or of the random period of breathing
     """
 
@@ -49,9 +49,9 @@ class _Forces(Strict):
 
 
 class Pokes(_Forces):
-    """Pokes by a rod at random times: each is a force of half a sine wave in a random direction.
+    """Pokes by a rod at random times. Each poke is a force of half a sine wave in a random direction.
 
-    weakest: smallest peak of a poke, relative to the largest
+    weakest: peak of the weakest poke relative to that of the strongest [1]
     pause_s: mean of the exponentially distributed pause between two pokes
     together: if True, each poke acts on all nodes in the same direction; if False, on one random node
     """
@@ -64,8 +64,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave, and its second harmonic with half its amplitude.
 
-    The period does not change in a run. direction: direction of the forces, default `UPWARD`
-    If nodes are not stated for a body of tetrahedra, the force acts on its whole mass.
+    direction: direction of the forces, default `UPWARD`
+    If no nodes are stated for a body of tetrahedra, the force acts on the whole mass of the body.
     """
 
     direction: Coordinates | None = None
@@ -90,10 +90,10 @@ class Posture(Strict):
 
 
 class Press(Strict):
-    """A probe or a plate presses on nodes, stays and withdraws.
+    """The force of a probe or a plate that presses on nodes, stays and withdraws.
 
-    force_n: total force, shared equally by all nodes; rises_s: duration of the rise, and of the fall at the end, both
-    within lasts_s
+    force_n: total force, shared equally by all nodes
+    lasts_s: duration of the force [s]; rises_s: part of this time in which the force rises, and in which it falls [s]
     """
 
     nodes: Nodes

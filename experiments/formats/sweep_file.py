@@ -27,7 +27,7 @@ MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breat
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""Factors on the constants that the methods use, by kind of constant; the true constants do not change."""
+"""For each kind of constant, a factor on the constants that the methods use; the true constants do not change."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""Tables that a grid can vary, by the first part of the grid's keys."""
+"""Tables that a grid can vary. Each key of the grid begins with one of these names."""
 
 
 class SweepFile(Strict):
@@ -55,7 +55,7 @@ class SweepFile(Strict):
 class Setup:
     """One combination of values from a grid.
 
-    at: the values by key of the grid; scenario, filter, marks, model: the checked tables with these values
+    at: value of each key of the grid; other attributes: checked tables in which these values replace others
     """
 
     at: Mapping[str, Any]
@@ -67,11 +67,12 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A checked sweep, with its combinations in the order of the grid.
+    """A checked sweep.
 
-    methods: names as in the file, not checked
-    scenario: file of the scenario; None for a scenario of the program
+    methods: names of the methods as in the file, not checked
+    scenario: file of the scenario; None for a scenario that comes with the program
     scene: scene file of the tissue; None for the phantom
+    setups: combinations of values in the order of the grid
     """
 
     path: Path
@@ -117,7 +118,7 @@ def read_sweep(path: Path) -> Sweep:
 
 
 def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
-    """Key and list of every parameter of a grid, from nested tables. Raises InputError."""
+    """Key and values of each parameter in the nested tables of a grid. Raises InputError."""
     for name, value in table.items():
         key, here = (*above, name), f"{place}.{name}"
         if not above and name not in GROUPS:
@@ -133,7 +134,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A copy of a table with the values of `at`. Keys of `at` begin with the table's name."""
+    """A copy of a table with the values of `at`. The first part of each key of `at` is the table's name."""
     table = dict(start)
     for key, value in at.items():
         inner = table

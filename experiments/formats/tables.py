@@ -27,7 +27,7 @@ CHUNK_ROWS = 50_000
 class Table:
     """Columns of a CSV file.
 
-    numbers: arrays, (n_rows,); only a table of `open_table` may have NaN; texts: lists of n_rows texts
+    numbers: columns of numbers, (n_rows,), with NaN for missing numbers; texts: columns of texts
     first_row: line number of the first data row in the file
     """
 
@@ -113,10 +113,11 @@ def read_table(
 
 
 def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
-    """The table of a run's results in a file, and the names of its columns in order; raises InputError.
+    """The table in a file of results, and the names of its columns in order; raises InputError.
 
-    needed: columns that must exist, time_s included. An incomplete last line, as after a killed run, is omitted.
-    words: columns of text; all others are numbers, NaN if missing
+    An incomplete last line, as after a killed run, is omitted.
+    needed: columns that must exist, among them time_s
+    words: columns of text; all other columns are numbers, NaN if missing
     """
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):

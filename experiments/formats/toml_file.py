@@ -24,7 +24,7 @@ VERSION = 1
 
 
 class Strict(BaseModel):
-    """A table of a TOML file: no unknown keys, no numbers in quotes, no booleans for numbers, no NaN."""
+    """Base class of TOML tables. Unknown keys, numbers in quotes, booleans for numbers and NaN are faults."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
 
@@ -73,7 +73,7 @@ def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
-    """A table checked against a model; raises InputError for the first fault; place: begin of the message."""
+    """A table checked against a model; raises InputError for the first fault; place: first words of the message."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -144,7 +144,7 @@ def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dict[str, Any]:
-    """Fields in another unit: if a name ends in `old`, the value is multiplied and the ending replaced by `new`."""
+    """Fields in another unit: if a name ends in `old`, `new` replaces this ending, and the value is multiplied."""
     scaled: dict[str, Any] = {}
     for key, value in values.items():
         if not key.endswith(old):
@@ -157,7 +157,7 @@ def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dic
 
 
 def toml_number(value: float) -> str:
-    """A number with 15 digits: 178.9 and not 178.90000000000001; the relative error is at most 1e-15."""
+    """A number with at most 15 digits, for example 178.9 for 178.90000000000001."""
     text = f"{value:.15g}"
     return text if set(text) & set(".e") else f"{text}.0"
 

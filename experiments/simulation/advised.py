@@ -1,7 +1,7 @@
 """Reliability of the hit probabilities that `softaim advise` predicts.
 
-The filter of the given scene gives advice every second, in the same way as `softaim advise`. Each time, a needle is
-inserted at once into the true deforming tissue: straight along its direction, to the advised depth, without steering.
+Every second, the filter gives advice as in `softaim advise`, and a needle is inserted at once into the true deforming
+tissue: straight along its direction, to the advised depth, without steering.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Advice every EVERY_S from the first frame after the warm-up; state: the tissue's state at that frame."""
+    """Results of insertions that follow advice, every EVERY_S; state: the tissue's state after the warm-up."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -76,7 +76,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion that starts at the first time of between_s [s] and must arrive before the second time."""
+    """Result of an insertion that follows advice; between_s: its start, and the latest time of its arrival [s]."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -95,7 +95,7 @@ def inserted(
 
 
 def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, object]:
-    """Predicted and observed hit rates of all insertions, of those after GO, and in bins; see `_compared`."""
+    """Predicted and observed hit rates: of all insertions, of insertions after GO, and in bins of the probability."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
     advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
@@ -108,16 +108,15 @@ def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, obje
 
 
 def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ...]:
-    """Ten bins of the predicted probabilities, with observed hit rates."""
+    """Observed hit rate in each of ten bins of the predicted probability."""
     known = [(one.probability, bool(one.hit)) for run in runs for one in run if one.probability is not None]
     return reliability_bins([probability for probability, _ in known], [hit for _, hit in known])
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and their difference.
+    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and difference.
 
-    The difference is the hit rate minus the mean predicted probability. Its standard deviation comes from a jackknife
-    over runs, because the insertions of one run are not independent.
+    The difference is the hit rate minus the mean predicted probability; it has a standard deviation.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
@@ -132,7 +131,7 @@ def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str,
 
 
 def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
-    """Standard deviation of the hit rate minus the mean probability, by a jackknife over runs; None for one run."""
+    """Standard deviation of the difference in `_compared`, by a jackknife over runs; None for one run."""
     sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
     sizes = np.array([len(run) for run in stated])
     n = len(sums)

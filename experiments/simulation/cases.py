@@ -1,7 +1,4 @@
-"""The case of a simulated insertion: the scenario's tissue, the filter's scene, the needle and the lesion.
-
-For the phantom the filter has the study's settings; for a user's tissue it has those of the scene file.
-"""
+"""The case of a simulated insertion: the scenario's tissue, the filter's scene, the needle and the lesion."""
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ DEEPEST_M = 0.06
 """Largest depth of a needle in the phantom [m]; a deeper needle retracts or has missed; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""Largest depth of a needle in a user's scene, measured from the resting target [m]; a choice."""
+"""Largest distance of a needle's tip beyond the resting target in a user's scene [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
 """Filter settings for pokes of one outer mass at a time. A poke in scenario `poked` is a half sine in a random
@@ -58,20 +55,23 @@ AT_REST_M = 1e-9
 """Largest distance between drawn and rest positions that count as equal [m]; numerical: rounding."""
 
 TIP = Needle(hit=Hit.TIP)
-"""The needle in the phantom, and its uncertainty, see `docs/guidance.md`."""
+"""Needle without a needle file: the target is hit by the tip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Case:
     """All that determines one run of the insertion study, except the policy.
 
-    truth: scene of the true tissue in its rest shape; given: the filter's scene, with the filter's settings
-    plan: needle, entry, direction, speed, lesion, forces; straight: the insertion for which `softaim advise` is tested
-    deepest_m: largest depth of the needle [m]; a deeper needle retracts or has missed
+    truth: scene of the true tissue in its rest shape
+    given: scene that the filter uses
+    straight: the insertion for which `softaim advise` is tested
+    deepest_m: depth of the needle at which the insertion ends, even if the target is farther away [m]
     steer_m_s: largest speed with which the robot moves the needle's line sideways [m/s]
-    seen: errors of the marks; warm_s: duration of the warm-up, in which the filter processes marks without a needle [s]
-    patience_s: time from the end of the warm-up in which the needle must arrive [s]
-    strength: factor on the scenario's pokes and breathing; advice: whether to test `softaim advise`, too
+    seen: errors of the marks
+    warm_s: duration of the warm-up, in which the filter processes marks without a needle [s]
+    patience_s: longest time from the end of the warm-up until the needle's arrival [s]
+    strength: factor on the forces of the scenario's pokes and breathing
+    advice: whether to test `softaim advise`, too
     """
 
     scenario: Scenario
@@ -94,7 +94,7 @@ class Case:
 
     @property
     def n_frames(self) -> int:
-        """Number of camera frames until the end of `patience_s`."""
+        """Number of camera frames in the warm-up and in `patience_s` after it."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
 
@@ -109,9 +109,9 @@ def case_of(
 ) -> Case:
     """The case of a scenario, with the first seed; raises InputError if the files do not fit together.
 
-    scene_path: path of the filter's scene, by default the scenario's
-    needle_path: path of the needle file
-    speed_m_s, radius_m: speed of the needle [m/s] and radius of the lesion [m] that replace those of the needle file
+    scene_path: file of the scene that the filter uses; by default the filter uses the scenario's scene
+    speed_m_s: speed of the needle that replaces that of the needle file [m/s]
+    radius_m: radius of the lesion that replaces that of the needle file [m]
     """
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
@@ -159,7 +159,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene with more points on a needle's line [m], (2, dim), where its force acts; unchanged without a mesh."""
+    """The scene; if it has a mesh, with added points on the needle's line; line: ends of this line [m], (2, dim)."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)
@@ -167,13 +167,13 @@ def with_needle(scene: Scene, line: Floats) -> Scene:
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings for the phantom, depending on whether a scenario pushes all outer masses at once."""
+    """Filter settings for the phantom: TOGETHER if the scenario's forces act on all outer masses at once."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network after `supported`, drawn in its rest shape."""
+    """The network drawn in its rest shape. If it has no anchors, its gravity is omitted, see `supported`."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
@@ -186,15 +186,14 @@ def resting_target(scene: Scene) -> Floats:
 
 
 def way_m(scene: Scene, plan: NeedlePlan) -> float:
-    """Depth at which a needle that points at the resting target hits it [m]."""
+    """Depth of a needle's tip when the needle has reached the resting target [m]."""
     return float(np.linalg.norm(resting_target(scene) - plan.insertion.entry)) + plan.needle.reach_m
 
 
 def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
-    """The plan without a needle file: a needle that points down, in the phantom as in the study.
+    """The plan without a needle file: a needle that points down, along gravity.
 
-    In a user's scene it points at the resting target. It enters at the height of the highest node at rest, but at least
-    as far above the target as in the phantom.
+    In a user's scene it enters above the resting target, at the height of the highest node.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))
@@ -206,7 +205,7 @@ def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
 
 
 def _check_given(path: Path, given: Scene, truth: Scene) -> None:
-    """Raise InputError if the scene of the filter does not fit the scenario's tissue."""
+    """Raise InputError if the filter's scene, read from `path`, does not fit the scene of the true tissue."""
     if given.network.dim != truth.network.dim:
         expected = f"{truth.network.dim} numbers, as in the scenario's scene"
         raise InputError.at(f"{path}: network.gravity_m_s2", expected, str(given.network.dim))

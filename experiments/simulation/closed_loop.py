@@ -1,8 +1,8 @@
 """Closed-loop insertion of a needle into moving tissue by one policy.
 
-At every frame the policy gives the target's present or predicted position, and the robot moves the needle's line
-towards it at a limited speed. COMMIT_S before arrival the line is fixed: this is the commitment. The policy then states
-a hit probability.
+At every frame the policy estimates the target's present or future position, and the robot moves the needle's line
+towards this position at a limited speed. COMMIT_S before the arrival, at the commitment, the line is fixed, and the
+policy states a hit probability.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 """Range of the log-uniform random lesion radius with which hit probabilities are tested [m]; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Thresholds of hit probability for the start. They are low, because poked tissue cannot be predicted half a second
-ahead. At the commitment, a policy that waits retracts if the probability is less than `go` of the needle's file."""
+"""Thresholds of the hit probability for the start of an insertion. They are low, because poked tissue cannot be
+predicted half a second ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,12 @@ class Tried:
     """Result of one policy in one world.
 
     probability: hit probability at the commitment; None if the policy states none or never committed
-    drawn_probability, drawn_hit: hit probability and hit for a lesion with the random radius drawn_radius_m [m]
+    drawn_radius_m: radius of a second lesion, random in each run [m]
+    drawn_probability, drawn_hit: as probability and hit, but for the second lesion
     miss_m: distance at arrival from the true target to the needle's tip or the middle of its notch [m]; None if the
     needle never arrived
-    seconds: time from the end of the warm-up until arrival [s]; insertions: number of insertions begun
+    seconds: time from the end of the warm-up until arrival [s]
+    insertions: number of insertions that were begun
     """
 
     policy: str
@@ -77,7 +79,7 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """Position of the tip [m], (dim,), after a motion by `deeper` along the axis and `aside` along `across` [m]."""
+        """Position of the tip after motions along the axis and along each vector of `across(axis)` [m], (dim,)."""
         ways = self.beside if aside is None else self.beside + aside
         return np.asarray(entry + (self.depth + deeper) * self.axis + ways @ across(self.axis))
 
@@ -147,9 +149,9 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 def _committed(
     world: World, policy: Policy, robot: _Robot, state: Floats, when: tuple[float, float], aside_m: Floats
 ) -> Tried | None:
-    """Result of a needle whose line is fixed from now on; None if the policy retracts it instead.
+    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle instead.
 
-    when: present time, and time until arrival [s]; aside_m: sideways motion in that time [m], (dim - 1,)
+    when: present time, and time until arrival [s]; aside_m: sideways motion until arrival [m], (dim - 1,)
     """
     (now, left), case, plan, axis = when, world.case, world.case.plan, robot.axis
     needle, speed = plan.needle, plan.insertion.speed_m_s
@@ -184,7 +186,7 @@ def _committed(
 
 
 def _drawn_radius_m(world: World) -> float:
-    """Radius [m] of this run's lesion for the test of the probabilities, log-uniform over the runs."""
+    """Radius of a lesion that is log-uniformly distributed over the runs [m]."""
     return SMALLEST_M * float((LARGEST_M / SMALLEST_M) ** world.share)
 
 
@@ -200,7 +202,7 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
-    """Predicted force of the needle in each step of CYCLE_S of the prediction [N], (n, n_free, dim)."""
+    """Predicted force of the needle in successive steps of CYCLE_S [N], (n, n_free, dim)."""
     n = round(horizon_s(world) / CYCLE_S)
     return predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, n, CYCLE_S).sum(axis=0)
 
@@ -214,10 +216,10 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time when the needle reaches the target's depth [s], and the target's position at that time [m].
+    """Time at which the needle reaches the target's depth [s], and the target's position at that time [m], (dim,).
 
-    If the needle does not reach that depth within the path, both are those of the path's end.
-    axis: None for a needle that is turned towards the target
+    If the path ends earlier, the result is the time and the position at the end of the path.
+    axis: direction of the needle; None if the needle will point at the target
     """
     plan = world.case.plan
     speed, away = plan.insertion.speed_m_s, path.means - world.entry

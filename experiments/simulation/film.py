@@ -1,4 +1,4 @@
-"""Simulated films: marks on the plane, drawn over the springs; in space the marks on the skin that face a camera."""
+"""Simulated films. In the plane they show springs and marks, in space the marks on the skin that face the camera."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def film(
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures of the true motion, (height, width, 3) BGR.
 
-    camera: by default the first camera of a flat scene; times_s: exposure times, which the truth has, by default all
+    camera: by default, the first camera of a scene in the plane; times_s: exposure times [s], by default all of `truth`
     """
     camera = scene.cameras[0] if camera is None else camera
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
@@ -77,9 +77,10 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """A camera's picture of the measured marks and reference marks that face it.
+    """A camera's picture of the marks that face it.
 
-    positions: of the nodes [m], (n_nodes, 3); strays: discs of other objects; covered: nodes whose marks are covered
+    positions: positions of the nodes [m], (n_nodes, 3)
+    strays: discs of other objects; covered: nodes whose marks are covered
     """
     network = scene.network
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]
@@ -105,9 +106,9 @@ def write_films(
     rng: np.random.Generator,
     advance: Callable[[float], None],
 ) -> None:
-    """Write `video.avi` and `frames.csv` of a flat scene; in space `video.NAME.avi` and `frames.NAME.csv` by camera.
+    """Write `video.avi` and `frames.csv`; in space, `video.NAME.avi` and `frames.NAME.csv` for each camera.
 
-    times_s: exposure times of each camera [s]; the truth must have all of them; advance: gets the completed share
+    times_s: exposure times of each camera [s], all of which `truth` has; advance: called with the completed share
     """
     rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the file format has no lower rate; frames.csv has the times
     stored, done, n_frames = scenario.video, 0, sum(map(len, times_s))

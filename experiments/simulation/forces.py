@@ -31,7 +31,7 @@ class Force:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """A force that accelerates each free node independently, with random values at knots, linear between them."""
+    """A force with random values for each free node at equally spaced times, and linear interpolation between them."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -40,7 +40,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Pokes: half-sine forces in random directions, separated by random pauses, see `Pokes`."""
+    """Successive forces of half a sine wave in random directions, with random pauses, see `Pokes`."""
     rows = _rows(network, pokes.nodes)
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
@@ -68,9 +68,9 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A periodic force with a second harmonic; period and phases are drawn once.
+    """A periodic force with a second harmonic; its period and phases are random.
 
-    If the scenario names no nodes, the force acts on the whole body, see `by_acceleration`.
+    If `breathing` names no nodes, the force acts on the whole body, see `by_acceleration`.
     """
     direction = np.array(breathing.direction or UPWARD[: network.dim])
     direction *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
@@ -89,7 +89,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
-    """Force of the rotated gravity, less the force of the gravity under which the tissue rests as drawn."""
+    """Difference between the rotated gravity force and the gravity force under which the tissue rests as drawn."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
 
@@ -127,7 +127,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Indices of these nodes; nodes is not None after `completed`."""
+    """Indices of these nodes; the function `completed` has replaced None by a list."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

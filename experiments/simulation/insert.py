@@ -26,7 +26,11 @@ from experiments.simulation.world import world_of
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Results of all runs: for each run a `Tried` for each policy, and the insertions that follow advice."""
+    """Results of all runs.
+
+    runs: for each run, the result of each policy
+    advised: for each run, the results of insertions that follow advice
+    """
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
@@ -51,7 +55,7 @@ def insert(
 
 
 def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]]:
-    """Results of every policy in the world of a case, and results of insertions that follow advice in it."""
+    """Results of every policy in the world of a case, and results of insertions that follow advice."""
     world = world_of(case)
     state, paper, warm = warmed(world)
     tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]
@@ -61,7 +65,7 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """Reliability of the hit probabilities that policy `filter-ahead` states, for lesions of random radius."""
+    """Reliability of the hit probabilities of policy `filter-ahead`, for lesions with a random radius."""
     committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
     predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
     return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])

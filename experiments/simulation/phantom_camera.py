@@ -1,4 +1,4 @@
-"""A simulated camera in front of the simulated phantom, whose motion is computed in real time."""
+"""A simulated camera in front of the simulated phantom; the phantom's motion is computed in real time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ COMES_AGAIN_S = 360.0
 class PhantomCamera:
     """A camera in front of the phantom, with the interface of cv2.VideoCapture.
 
-    The phantom moves under random forces; time_s: time since its start [s]. A picture is drawn when it is grabbed.
+    The phantom moves under random forces. A picture is drawn when it is grabbed.
+    time_s: time from the start of the motion to the last picture [s]
     """
 
     def __init__(
@@ -70,9 +71,9 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Draw the next frame, then wait until it is due, so that the measured latency does not include drawing.
+        """Draw the next frame, then wait until its exposure time.
 
-        If drawing is late, frames are skipped. After a delay of more than BEHIND_S the phantom's motion is delayed too.
+        If drawing takes longer than a frame interval, frames are skipped. A delay of more than BEHIND_S is not made up.
         """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
@@ -93,7 +94,7 @@ class PhantomCamera:
         return True, self._image
 
     def get(self, prop: int) -> float:
-        """For CAP_PROP_POS_MSEC, the exposure time of the picture on the clock [ms]; otherwise 0."""
+        """For CAP_PROP_POS_MSEC, the exposure time of the picture, by the clock [ms]; otherwise 0."""
         return 1e3 * (self._began_s + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:

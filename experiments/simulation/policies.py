@@ -39,7 +39,7 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""Time at which the breathing model starts [s]; earlier estimates have large errors; a study parameter."""
+"""Time at which the breathing model starts [s], because earlier estimates have large errors; a study parameter."""
 
 WAYS, MARGIN_S = 1.5, 0.75
 """The prediction range of the target is WAYS times the insertion time plus MARGIN_S [s], because the needle may start
@@ -47,9 +47,10 @@ later or the target may move away; study parameters."""
 
 
 class Policy:
-    """A policy that steers a needle. By default it aims at `place`, the target's position at time_s.
+    """A policy that steers a needle.
 
-    waits: whether the needle starts only if the advice is GO, and is retracted after a fault or if a hit is improbable
+    place: position at which it aims [m], (dim,); time_s: time of this position [s]
+    waits: if True, the needle starts only if guidance advises GO, and retracts after a fault or if a hit is improbable
     """
 
     name, waits = "", False
@@ -57,11 +58,11 @@ class Policy:
     place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Process a frame; push: predicted force of the needle since the last frame [N], (n_free, dim), or None."""
+        """Process a frame's marks; push: predicted force of the needle since the last frame [N], (n_free, dim)."""
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path of the target; pushes: predicted needle force for each step of CYCLE_S, (n, n_free, dim)."""
+        """Predicted path of the target; pushes: predicted force of the needle, every CYCLE_S [N], (n, n_free, dim)."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
@@ -95,10 +96,10 @@ def across(axis: Floats) -> Floats:
 def predicted_parts(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """Predicted cutting force and friction of the needle in the next n steps of step_s [s]: [N], (2, n, n_free, dim).
+    """Cutting force and friction on the free nodes, predicted for the next n time steps [N], (2, n, n_free, dim).
 
-    They follow from the needle's stated constants and act on the free nodes. During retraction there is no cutting.
     beside: offset of the needle from its initial line, along each vector of `across(axis)` [m], (dim - 1,)
+    speed: speed along the axis [m/s], negative during retraction; step_s: time step [s]
     """
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
@@ -133,7 +134,7 @@ class Rest(Policy):
 
 
 class Paper(Rest):
-    """Policy: aim at the target's present position in the paper's method, an open-loop simulation."""
+    """Policy: aim at the present position of the target in the open-loop simulation of [paper]."""
 
     name = "open-loop"
 
@@ -148,7 +149,10 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, its last estimate, its breathing model, and its prediction tables."""
+    """A filter after the warm-up.
+
+    then: the filter's state; tables, of_advice: prediction tables for the policies, and for `softaim advise`
+    """
 
     tissue: TissueFilter
     then: FilterSnapshot
@@ -183,15 +187,14 @@ class Filtered(Policy):
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
-        """The fault of the filter's last estimate, see `health_fault`."""
+        """Reason why the filter's last estimate cannot be used; None if it can, see `health_fault`."""
         return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
 
 
 class Ahead(Filtered):
     """Policy: aim at the target's predicted position at the needle's arrival.
 
-    The filter predicts this position; while the breathing model is valid, its prediction is mixed in, weighted by its
-    probability. That model describes motion without the needle; the predicted shift by the needle is added.
+    While the breathing model is valid, the prediction is a mixture of the filter's and the breathing model's.
     """
 
     name = "filter-ahead"
@@ -207,7 +210,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Path by the filter's tables or, while the breathing model is valid, its mixture with that model's path."""
+        """The filter's predicted path. While the breathing model is valid, a mixture with this model's path."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -218,7 +221,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """Density predicted by the filter and by any valid breathing model, with the errors of the needle's force."""
+        """The filter's predicted density. While the breathing model is valid, a mixture with this model's density."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -232,29 +235,26 @@ class Ahead(Filtered):
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
-        """Static shift of the target by each of these forces [m], (n, dim), to first order."""
+        """Static displacement of the target by each force, in linear approximation [m], (n, dim)."""
         return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 
 class Waiting(Ahead):
-    """Policy: as `Ahead`, but the needle starts only if the advice is GO, and retracts if a hit becomes improbable."""
+    """Policy `Ahead`, but the needle starts only if guidance advises GO, and retracts if a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Prediction tables for a filter with these pickled arguments; cached, because many worlds share them."""
+    """Prediction tables of a filter; model: pickled arguments of the filter; ahead_s: prediction range [s]."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
-    """The tissue's state, the open-loop policy and the filter at the end of the warm-up.
-
-    The next frame is the first at which a needle may start. The policy and the filter have not used it yet.
-    """
+    """The tissue's state, the open-loop policy and the filter after the last frame of the warm-up."""
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)
     tissue, paper = TissueFilter(*own, uncertainty=given.uncertainty), Paper(world)

@@ -34,18 +34,14 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 
 
 def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of positions [m]: a random share of them are outliers in random directions, all others are zero."""
+    """Errors of marks [m]: a random share of the marks are outliers in random directions; other errors are zero."""
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:-1], 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)
     return np.where(rng.random((*shape[:-1], 1)) < share, ways, 0.0)
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
-    """Recording with the noisy measured marks of a scene at each time of a motion, and the target's true positions.
-
-    Reference marks have the same standard deviation as other marks, and none is missing. If the generator is the same,
-    sd_mm only scales the errors, and a larger share of missing marks includes the marks missing at a smaller share.
-    """
+    """Recording of noisy marks of a true motion, with the target's true positions; no reference mark is missing."""
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}
     places = motion.positions[:, [column[node] for node in scene.measured_nodes]]

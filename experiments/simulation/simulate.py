@@ -44,10 +44,11 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Level of the model discrepancy for a simulated phantom, relative to its extent [1]; choice: its model is exact."""
+"""Displacement that the filter assumes its model leaves out, relative to the phantom's extent [1]; choice: the model of
+a simulated phantom is exact."""
 
 TRUTH = 0.2
-"""Share of the reported progress at which the true motion is complete if a film follows [1]."""
+"""If a film is written, share of the progress that is reported when the true motion is complete [1]."""
 
 STIFF_S = 1e-4
 """If the longest stable step is shorter [s], the implicit integrator is used, otherwise the explicit one; numerical."""
@@ -88,7 +89,7 @@ def exposures(scenario: Scenario) -> Floats:
 
 
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
-    """The network with random true constants; the scenario states how far they differ from those of the scene."""
+    """The network with random true constants, which differ from the scene's as much as the scenario states."""
     if scenario.constants is None:
         return network
     spread = scenario.constants.model_dump()
@@ -98,7 +99,7 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
 
 
 def kept_motion(path: Path, network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """The result of `true_motion`, read from a .npy file of positions. Without that file it is computed and written."""
+    """The result of `true_motion`, from a cache file of positions (.npy). A missing file is computed and written."""
     if path.exists():
         return Truth(exposures(scenario), np.load(path))
     motion, content = true_motion(network, scenario, rng), io.BytesIO()
@@ -118,8 +119,8 @@ def true_motion(
 ) -> Truth:
     """True motion of the free nodes under the scenario's forces; raises InputError.
 
-    A network without anchors is `supported`. advance: called with the completed share
-    times_s: times of the positions [s], (n,), by default the scenario's exposure times
+    A network without anchors moves without gravity (`supported`). advance: called with the completed share
+    times_s: times of the positions [s], (n,); by default, the scenario's exposure times
     """
     times = exposures(scenario) if times_s is None else times_s
     start, forces = start_and_forces(network, scenario, rng)

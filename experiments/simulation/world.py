@@ -38,12 +38,15 @@ class World:
     """The part of a simulated world that all policies share.
 
     network: the true tissue; assumed: the filter's network, in its rest shape
-    aim: map from the tissue's state to the target; knots: external forces over time
-    needle: the needle with its true constants; start: the tissue's state at time 0, see `steady_state`
-    noise: errors of the marks [m], (n_frames, n_marks, dim); missed: whether each mark is missing, (n_frames, n_marks)
+    aim: function of the tissue's state that gives the target's position
+    knots: external forces over time
+    needle: the needle with its true constants
+    start: the tissue's state at time 0, see `steady_state`
+    noise: errors of the marks [m], (n_frames, n_marks, dim)
+    missed: whether each mark is missing, (n_frames, n_marks)
     offset_m: vector from the scene's target to the true target [m], (dim,)
-    tip_noise: standard normal numbers, (dim,), from which `tip_error` computes the error of the tip
-    share: random number between 0 and 1 that determines the random lesion radius of the run
+    tip_noise: standard normal numbers from which `tip_error` computes the error of the tip, (dim,)
+    share: random number between 0 and 1 from which the run's random lesion radius is computed
     """
 
     case: Case
@@ -74,7 +77,7 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """True position of the target for a state of the tissue [m], (dim,), with the error of the registration."""
+        """True position of the target in a state of the tissue, with the registration error [m], (dim,)."""
         return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
@@ -90,7 +93,7 @@ class World:
     def moved(
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
-        """State of the tissue after an interval, and whether the needle has punctured the skin."""
+        """The tissue's state at the end of an interval, and whether the needle has punctured the skin by then."""
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 

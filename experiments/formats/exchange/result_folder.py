@@ -27,9 +27,9 @@ class Result:
 
     estimates: a row for each frame, columns as in estimates.csv: positions in mm, covariances in mm², NaN for missing
         numbers
-    open_loop: estimates by the paper's method; None without estimates.open-loop.csv
+    open_loop: estimates of the open-loop simulation of [paper]; None without estimates.open-loop.csv
     marks: a row for each mark, columns as in marks.csv; None without that file
-    summary: the figures of summary.json, by method; empty without that file
+    summary: content of summary.json, by method; empty without that file
     """
 
     estimates: pd.DataFrame
@@ -39,9 +39,9 @@ class Result:
 
 
 def read_result(folder: FilePath) -> Result:
-    """Read the tables and figures in an output folder of `softaim track`; raises InputError.
+    """Read the tables and the summary in an output folder of `softaim track`; raises InputError.
 
-    It also reads folders of `softaim live`, which have no summary.
+    Folders of `softaim live`, which have no summary, can also be read.
     """
     place = Path(folder)
     if not place.is_dir():

@@ -29,7 +29,7 @@ Entry = float | str | bool | None
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Results:
-    """Results of a run for a recording, row by row.
+    """A table of results of a run.
 
     table: the table in the file; columns: names of its columns, in order
     times_s: exposure time of each row's frame, or the time in the file for a row without a frame [s], (n,)

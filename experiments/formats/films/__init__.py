@@ -1,4 +1,4 @@
-"""Pictures of a recording: those of one camera, or of several cameras in space.
+"""Pictures of a recording, from one camera or from several cameras in space.
 
 A new way of storing pictures belongs here.
 """

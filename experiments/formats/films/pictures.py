@@ -45,7 +45,7 @@ def source_in(folder: Path) -> Path:
 
 
 def growing_in(folder: Path, camera: str) -> Path:
-    """Folder for the pieces and times of a film while it is recorded; camera: "" for a single camera."""
+    """Folder in which a film's pieces and times are stored during the recording; camera: "" for a single camera."""
     return folder / f"{SEGMENTS}.{camera}" if camera else folder
 
 
@@ -63,9 +63,9 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """The number of frames, and their name for messages; raises InputError, SourceError if pictures are missing.
+    """The number of frames, and a noun for them in messages; raises InputError, SourceError if pictures are missing.
 
-    A film is read to count its frames, because its header may be wrong. advance: called with the completed share
+    A film is read completely. advance: called with the completed share
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
@@ -86,9 +86,10 @@ def check_pictures(
     place: str,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Raise InputError for faults that would otherwise appear only at the end of a long run.
+    """Raise InputError if the number of the pictures or their size is wrong, or if pictures are missing.
 
-    times: the file of exposure times; size_px: size of the pictures that the scene states; place: key of this size
+    times: the file of exposure times, for messages
+    size_px: size of the pictures that the scene states; place: key with this size, for messages
     """
     with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)

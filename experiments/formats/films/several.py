@@ -29,7 +29,7 @@ SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFilm:
-    """The film of one camera; source: film, or folder of pictures; exposures_s: exposure times [s], (n,)."""
+    """The film of one camera; source: video file, or folder of pictures; exposures_s: exposure times [s], (n,)."""
 
     camera: str
     source: Path
@@ -41,7 +41,7 @@ class CameraFilm:
 
 
 def film_name(camera: str, i: int) -> str:
-    """The camera's name for a file name; InputError if it has characters that are not permitted there."""
+    """The camera's name; InputError if it has characters that are not permitted in the name of its film."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera

@@ -17,12 +17,11 @@ FAR = 0.15
 choice: pokes and weight move marks less, if the body is drawn at rest."""
 
 FITS = 0.1
-"""Marks in another interpretation fit if this distance, relative to the body's size, is at most FITS, and at most a
-quarter of the distance without that interpretation; choice."""
+"""An interpretation, for example with other units, fits if the distance of its marks from the drawn positions is at
+most FITS times the body's size, and at most a quarter of the distance without the interpretation; choice."""
 
 ALIKE = 1.5
-"""Interpretations fit equally well if their distances are less than this factor times the least distance; choice. The
-message names the simplest of them."""
+"""Interpretations fit equally well if their distances are less than this factor times the least distance; choice."""
 
 FLAT = 0.2
 """Least ratio of the second largest to the largest spread of marks that are not collinear [1]; choice."""
@@ -31,7 +30,7 @@ N_FRAMES = 10
 """Number of frames with marks after which the test is made, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Other units in which lengths may be, with the millimetres per unit."""
+"""Millimetres per unit, for the units in which marks may be by mistake."""
 
 
 RESIZED = 8.0
@@ -39,14 +38,14 @@ RESIZED = 8.0
 
 
 class FirstMarks:
-    """Test `misread` of the first marks, made once: when every measured mark was visible, or after N_FRAMES frames."""
+    """Applies the test `misread` once: as soon as every measured mark was visible, at the latest after N_FRAMES."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Process a frame's marks. If the test can now be made, return its message, otherwise None.
+        """Add a frame's marks. If enough marks were visible, make the test and return its message, otherwise None.
 
         places: positions by node [m], (dim,)
         """
@@ -59,16 +58,15 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """Make the test now, if it was not made before, and return its message."""
+        """Make the test with the marks so far and return its message; None if it was made before."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
 
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if the spread of marks is smaller or larger than any deformation of the tissue can explain.
+    """A message if no deformation of the tissue explains the spread of three or more marks; otherwise None.
 
-    seen_m: positions by node [m], (dim,). For fewer than three marks there is no test, because two marks of a cord may
-    come close to each other.
+    seen_m: positions by node [m], (dim,)
     """
     nodes = [name for name in seen_m if name in scene.network.names]
     if len(nodes) < 3:
@@ -89,7 +87,10 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Another interpretation of the marks' numbers; changes: number of assumed mistakes; places: positions [m]."""
+    """Marks after the correction of assumed mistakes, such as a wrong unit.
+
+    words: description of the mistakes; changes: number of mistakes; places: corrected positions [m], (n, dim)
+    """
 
     words: str
     changes: int
@@ -97,10 +98,10 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks lie far from their drawn positions, but fit with other axes or units.
+    """A message if marks lie far from their drawn positions, but would lie near them with other axes or units.
 
-    seen_m: positions by node [m], (dim,). The result is None if the marks fit, if no simple interpretation makes them
-    fit, or if more than two interpretations fit equally well.
+    If more than two interpretations fit equally well, the result is None.
+    seen_m: positions by node [m], (dim,)
     """
     network = scene.network
     nodes = [name for name in seen_m if name in network.names]  # without reference marks on the rig
@@ -129,7 +130,11 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether an interpretation fits. rms, plain: distances with it and without it [m]; size: the body's size [m]."""
+    """Whether an interpretation of the marks fits the drawn shape.
+
+    rms: distance from the drawn shape with the interpretation [m]; plain: distance without the interpretation [m]
+    size: the body's size [m]
+    """
     return rms <= min(FITS * size, 0.25 * plain)
 
 
@@ -138,7 +143,7 @@ def _rms(apart: Floats) -> float:
 
 
 def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
-    """Interpretations with reflected or rotated axes and other units of length, and one as pixels of the camera."""
+    """Interpretations of the marks: with reflected or rotated axes, with other units, and as pixels of the camera."""
     for axes in _axes(seen.shape[1]):
         words, changes = _axes_words(axes)
         if changes:
@@ -153,7 +158,10 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Interpretations with axes, scale and origin changed; none for a body without anchors or collinear marks."""
+    """Interpretations of the marks with other axes, another scale and another origin.
+
+    There are none if the marks are nearly collinear, or if the body has no anchors.
+    """
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
     if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return

@@ -68,7 +68,7 @@ def cov_entries_mm2(cov: Floats) -> list[float]:
 
 
 def are_definite(covs: Floats) -> NDArray[np.bool_]:
-    """Whether each of these covariances is positive definite, except for rounding in files, (n,)."""
+    """Whether each covariance is positive definite, with a tolerance for rounding in files, (n,)."""
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)

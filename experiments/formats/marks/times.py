@@ -9,7 +9,7 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Range of plausible frame intervals [s]; choice: 1000 frames/s; time after which the filter forgets a frame."""
+"""Shortest and longest plausible frame interval [s]; choice: 1000 frames/s, and the filter's `forget_s`."""
 
 USUAL_S = 1.0 / 30.0
 """Typical interval of a tracker's frames [s], to guess the unit; choice."""
@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit, other than seconds, with which a stated number comes nearest to an expected time.
+    """The unit of time with which a stated number is nearest to an expected time; None if this unit is seconds.
 
-    None if seconds come nearest, or if with every unit the times differ by more than the factor `most`.
+    If the number differs from the expected time by more than the factor `most` in every unit, the result is None.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -35,10 +35,7 @@ def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str |
 
 
 def check_seconds(table: Table, column: str) -> None:
-    """Raise InputError if the times of frames in a column cannot be in seconds.
-
-    Times do not decrease, and may be repeated. Their median interval is tested, so that gaps may have any length.
-    """
+    """Raise InputError if the median interval between the times in a column is not plausible in seconds."""
     times = table.numbers[column]
     intervals = np.diff(np.unique(times))
     if not len(intervals):
@@ -53,7 +50,7 @@ def check_seconds(table: Table, column: str) -> None:
 
 
 def check_within(table: Table, column: str, times_s: Floats) -> None:
-    """Raise InputError if none of a table's times is near a frame's time; times_s: times of frames [s], (n_frames,)."""
+    """Raise InputError if all times in a column are far from the times of the frames; times_s: [s], (n_frames,)."""
     times = table.numbers[column]
     first_s, last_s = float(times_s[0]), float(times_s[-1])
     if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):

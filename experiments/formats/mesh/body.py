@@ -28,8 +28,8 @@ a wrong unit changes the extent by a factor of ten or more."""
 class Body:
     """A body of tetrahedra, with the data fields of its file.
 
-    fields: numbers of the nodes by name, (n,); cell_fields: numbers of the elements by name, (m,)
-    faces: the outer faces, with the numbers of the same triangles in the file, or NaN if the file has no such triangle
+    fields: data of the nodes by name, (n,); cell_fields: data of the elements by name, (m,)
+    faces: the outer faces, with the file's data for triangles; NaN for faces that the file does not list
     """
 
     mesh: TetMesh
@@ -46,9 +46,10 @@ def read_body(
 ) -> Body:
     """Read the body of a mesh file; raises InputError for the first fault.
 
-    unit: unit of the file, a key of `UNITS`; size_m: edge length of new elements that replace those of the file [m]
-    check: called before elements are created, with positions of the nodes [m], (n, 3), and the body in the file (None
-    for a surface)
+    unit: unit of the file, a key of `UNITS`
+    size_m: edge length of new elements [m]; None to use the elements of the file
+    check: called before new elements are created; its arguments are the nodes [m], (n, 3), and the body, if the file
+        has elements
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
@@ -63,7 +64,7 @@ def read_body(
 
 
 def _metres(source: Source, unit: str | None) -> float:
-    """Metres per unit of the file; InputError if the unit was not stated, or does not fit a body of tissue."""
+    """Metres per unit of the file; InputError without a unit, or if the body would be too small or too large."""
     used = np.unique((source.tetrahedra if len(source.tetrahedra) else source.triangles).nodes)
     points = source.points[used]
     finite = np.isfinite(points).all(axis=1)
@@ -102,7 +103,7 @@ def _volume(source: Source, scale: float) -> Body:
 
 
 def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Floats]) -> Cells:
-    """The outer faces of a mesh. Faces that the file lists too get the file's numbers, all others NaN."""
+    """The outer faces of a mesh, with the data of the file's triangles; NaN for faces that the file does not list."""
     faces, n = surface(mesh).faces, len(mesh.nodes)
     keys, given = (
         (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))
@@ -134,8 +135,7 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body with new elements whose edges have this length [m].
 
-    Each old node is assigned to the nearest new node. A number at a new node is the mean over its old nodes; if it has
-    none, it is the number at the nearest old node. Each new element or face takes the label of the nearest old one.
+    Data of new nodes, elements and faces are those of the nearest old ones; for a node, the mean over several of them.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

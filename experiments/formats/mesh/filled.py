@@ -1,4 +1,4 @@
-"""Closed surfaces of triangles: their check, and their filling with tetrahedra by fTetWild [hu2020]."""
+"""Closed surfaces of triangles: checks, and filling with tetrahedra by fTetWild [hu2020]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mesh file of a scene, in NumPy's format: nodes, elements, regions and a wall; selection of the fixed nodes."""
+"""Mesh file of a scene, in NumPy's format, and selection of the mesh's fixed nodes."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, placed, shown
 
 ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
-"""Arrays of the file, and the kinds of their numbers."""
+"""Arrays of the file, and the kind of each array's data type in NumPy."""
 
 PLANE = re.compile(r"([xyz])\s*([<>])\s*(-?\d+(?:\.\d*)?)")
 REGION = re.compile(r"region\s+(-?\d+)")
 WALL = "wall"
 
 FORMS = '"y < 6" [mm], "region 3" or "wall"'
-"""Forms of `fixed`, for messages."""
+"""Permitted forms of the key `fixed`, for messages."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,13 +66,19 @@ def extents(places: Floats) -> str:
 
 
 def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:
-    """Indices of the positions [m], (n, 3), beyond a plane of the form `PLANE`, (k,) int."""
+    """Indices of the positions that satisfy an inequality such as `y < 6` [mm], (k,) int.
+
+    places: positions [m], (n, 3); plane: match of `PLANE`
+    """
     along = 1e3 * places[:, "xyz".index(plane[1])]
     return np.flatnonzero(along < float(plane[3]) if plane[2] == "<" else along > float(plane[3]))
 
 
 def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
-    """Indices of the nodes that `fixed` selects, (k,) int; ValueError, `expected …, found …`, for none or all."""
+    """Indices of the nodes that the text `fixed` selects, (k,) int.
+
+    Raises ValueError, `expected …, found …`, for another form than `FORMS`, for fewer than 3 nodes, or for all nodes.
+    """
     mesh = of.mesh
     if plane := PLANE.fullmatch(fixed.strip()):
         nodes = beyond(mesh.nodes, plane)

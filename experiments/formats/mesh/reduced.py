@@ -1,4 +1,4 @@
-"""Cache of reduced mesh networks in the user's folder, because the reduction takes seconds."""
+"""Cache, in the user's folder, of networks to which meshes were reduced; the reduction takes seconds."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DIGEST = hashlib.sha256().digest_size
 def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) -> MassSpringNetwork:
     """The reduced network of a mesh, from the cache. If the cache does not have it, `make` computes it.
 
-    key: all values that determine the network, for JSON
+    key: all values that determine the network, in JSON types
     """
     path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
     if (kept := _read(path)) is not None:

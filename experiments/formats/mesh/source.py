@@ -1,4 +1,4 @@
-"""Mesh files of other programs, read by meshio, in the file's own unit and order."""
+"""Mesh files of other programs, read by meshio. Unit and order of the nodes remain those of the file."""
 
 from __future__ import annotations
 

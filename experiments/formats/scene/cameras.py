@@ -20,14 +20,14 @@ METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 
 
 Camera = PlaneCamera | SpaceCamera | LensFile
-"""A camera of a flat scene, one of a scene in space, or a lens without a pose."""
+"""A camera of a scene in the plane, a camera of a scene in space, or a lens without a pose."""
 
 
 def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
     """The camera of a table; only its lens if the pose is missing.
 
-    folder: folder of the file that the table may name; dim: dimension of the scene
-    Raises ValueError, `key: expected …, found …`, and InputError for faults in that file.
+    folder: folder of the camera file, if the table names one; dim: dimension of the scene
+    Raises ValueError, `key: expected …, found …`, for faults of the table, and InputError for faults of the file.
     """
     if dim == 3:
         for key in ("plane_to_px", "scale_sd"):
@@ -84,7 +84,7 @@ def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
 
 
 def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
-    """The camera for a scene of this dimension: a `PlaneCamera` for a flat scene."""
+    """The camera for a scene of this dimension: a `PlaneCamera` in the plane, the given camera in space."""
     if dim == 3:
         return camera
     return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)

@@ -40,7 +40,7 @@ def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -
 
 
 def settings_of(table: FilterTable | None) -> FilterSettings:
-    """The filter's settings: the defaults with the table's changes."""
+    """The filter's settings: the values of the table, and defaults for missing keys."""
     usual = FilterSettings()
     if table is None:
         return usual

@@ -60,5 +60,5 @@ def mark_lines(mark: Mark) -> list[str]:
 
 
 def mark_keys(mark: Mark) -> dict[str, Any]:
-    """Keys of a mark's table; None for those that are not written."""
+    """The keys of a mark's table. Keys with the value None are not written."""
     return in_millimetres(asdict(mark)) | {"ball": mark.ball or None}

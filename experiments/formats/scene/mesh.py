@@ -1,4 +1,4 @@
-"""`[mesh]` of a scene file: reading, writing, and the network of the named points of the mesh."""
+"""Reading and writing of `[mesh]` of a scene file. The marks and the target, points of the mesh, become a network."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class SceneMesh:
     """The mesh of a scene.
 
     file: name of the mesh file, in the folder of the scene's file; content: its bytes
-    fixed: selection of the fixed nodes, the wall, see `held`; None without a wall
-    driven: whether the wall moves as a rigid body, with unknown motion
-    tissues, regions: the tissues and their region numbers, (n_tissues,)
+    fixed: text that selects the fixed nodes, see `held`; None if no nodes are fixed
+    driven: whether the fixed nodes move together as a rigid body, with unknown motion
+    regions: number of the mesh region of each tissue
     points: names and positions of the marks and the target [m]
     stiffness: trace of each tissue's reduced stiffness matrix before identification [1/s²], (n_tissues,)
     """
@@ -58,10 +58,9 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with the stiffness that identification gave them in this network.
+        """The tissues with the stiffness that they have in this network, for example after an identification.
 
-        Damping itself does not change. Therefore damping_s, the ratio of damping to stiffness, changes inversely to
-        the stiffness.
+        The damping does not change. Therefore the ratio damping_s changes inversely to the stiffness.
         """
         factors = _traces(network) / self.stiffness
         return tuple(
@@ -70,16 +69,13 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """A more exact network with the same points and tissues, for simulated truth.
-
-        It has all modes of the mesh that smooth forces on the surface excite, and no others.
-        """
+        """A network with the same points and tissues but more modes of the mesh, for the simulated true motion."""
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
 
     def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
-        """`[mesh]` with the tissues of a network of this mesh; further: names and positions of more points [m]."""
+        """The table `[mesh]`, with the stiffness of the network; further: names and positions of added points [m]."""
         tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
         return mesh_table(self.file, self.fixed, tissues, [*self.points, *further], driven=self.driven)
 
@@ -91,7 +87,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
 
 
 def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh that a table and the content of its file describe, and its network; raises SceneError, InputError."""
+    """The mesh of a table `[mesh]`, and its network; content: bytes of the mesh file. Raises SceneError, InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
@@ -131,10 +127,10 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 
 
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
-    """Mesh and network with additional points on a straight line, on the part of it that is inside the body.
+    """Mesh and network with added points on a straight line: equally spaced, and only inside the body.
 
-    If the network has a free point within half the spacing of a new point, the new point is omitted. All points get
-    the mass of the old points, because forces are stated relative to masses. ends: ends of the line [m], (2, 3)
+    A new point is omitted if an existing free point is nearer than half the spacing. Each new point has the same mass
+    as the existing points. ends: ends of the line [m], (2, 3)
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
@@ -159,7 +155,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """`[mesh]` for tissues by region number, and points [m]."""
+    """The table `[mesh]`; tissues: the tissue of each region number; points: names and positions [m]."""
     return MeshTable(
         file=file,
         fixed=fixed,
@@ -190,7 +186,7 @@ def _made(
     *,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """The network of these points of a mesh; raises SceneError."""
+    """The network whose nodes are these points of a mesh [m]; raises SceneError."""
     own = _numbered(of, table)
     if table.driven and table.fixed is None:
         raise SceneError("mesh.driven: expected the wall that moves in mesh.fixed, found none")
@@ -224,7 +220,7 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
 
 
 def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
-    """Raise SceneError if two points of a mesh coincide, MeshError if one is outside."""
+    """Raise SceneError if two points of a mesh coincide, and MeshError if a point is outside the mesh."""
     names, places = list(points), np.array(list(points.values()), dtype=float).reshape(-1, 3)
     between = np.triu(squareform(pdist(points_of(of.mesh, surface(of.mesh), places).places)) < APART_M, 1)
     for first, i in np.argwhere(between)[:1]:
@@ -233,7 +229,7 @@ def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
 
 
 def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
-    """The error for the first point outside of a mesh; None if all are inside."""
+    """The error message for the first point outside of a mesh; None if all points are inside."""
     outside = surface(of.mesh)
     for i, place in enumerate(points.values()):
         try:
@@ -245,7 +241,7 @@ def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
 
 
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
-    """Lines of `[mesh]` with the stiffness of a network of this mesh."""
+    """Lines of the table `[mesh]`, with the stiffness of the network."""
     table, sha256 = mesh.table(network), hashlib.sha256(mesh.content).hexdigest()
     keys = {"file": table.file, "sha256": sha256, "fixed": table.fixed, "driven": table.driven or None}
     lines = ["[mesh]", *key_lines(keys)]

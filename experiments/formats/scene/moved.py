@@ -18,9 +18,9 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 
 
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
-    """The scene with body, gravity, target and reference marks moved; SceneError if cameras do not fit.
+    """The scene with body, gravity, target and reference marks moved; mesh_file: file of the moved mesh.
 
-    Gravity turns with the body, so that the body's rest shape does not change. mesh_file: file of the moved mesh
+    Raises SceneError if the moved scene is not valid, for example beyond a camera's horizon.
     """
     mesh, drawn = None, scene.network
     if scene.mesh is not None:
@@ -40,7 +40,7 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 def _moved_mesh(
     mesh: SceneMesh, network: MassSpringNetwork, motion: RigidMotion, file: Path
 ) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The moved mesh and its network. Fixed nodes become a labelled wall, as a plane would refer to the old axes."""
+    """The moved mesh, whose file lists the fixed nodes, and its network. A plane in `fixed` would not move along."""
     of = mesh_of(mesh.content, Path(mesh.file))
     wall = of.wall if mesh.fixed is None else held(of, mesh.fixed)
     content = mesh_content(ProjectMesh(replace(of.mesh, nodes=motion.moved(of.mesh.nodes)), wall))

@@ -49,7 +49,7 @@ def outside_of(scene: Scene, most: int) -> Outside:
 
 
 def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
-    """Whether each face belongs to the fixed wall of a mesh, (n_faces,): its corners are all near fixed nodes."""
+    """Whether all corners of each face are near fixed nodes of the mesh, (n_faces,)."""
     if scene.mesh is None or not scene.mesh.fixed:
         return np.zeros(len(outside.faces), dtype=bool)
     of = mesh_of(scene.mesh.content, Path(scene.mesh.file))

@@ -24,9 +24,9 @@ from vision import PlaneCamera
 class ReferenceMark:
     """A reference mark, which does not move.
 
-    name: its name in tables of marks and in marks of a live tracker; node: the anchor on which it lies, if any
-    position_m: its position if it does not lie on an anchor [m], (dim,)
-    look: its appearance in a film, a `Mark` whose node is this name; None without a camera
+    name: its name in tables of marks and in marks of a live tracker
+    node: the anchor on which it lies; None if position_m states its position [m], (dim,)
+    look: its appearance in a film; None if it is not filmed
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Test whether a network's rest shape is near the drawn shape. If not, guess which key has a wrong unit.
 
-The rest shape depends on the ratio of weight to stiffness, which changes equally if masses are in g or if stiffnesses
-are in N/mm. The density, computed from masses and distances, shows which of them is wrong.
+Masses in g and stiffnesses in N/mm change the rest shape equally, because it depends on the ratio of weight to
+stiffness. Therefore the density, computed from masses and distances, shows which unit is wrong.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""Least factor between a number and a plausible one if its unit is wrong; choice: units differ by 100 or 1000."""
+"""If a number differs from a plausible one by this factor, its unit is wrong; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
 """Largest share of the weight that springs at their drawn lengths may leave unbalanced; choice: lengths are rounded."""
 
 LONGEST = 2.0
-"""Least ratio of a spring's length in the rest shape to its unloaded length that counts as stretched; choice."""
+"""A spring counts as stretched if its length in the rest shape is this many times its unloaded length; choice."""
 
 DENSITY = 100.0
 """Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
@@ -42,16 +42,16 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""Unit that the numbers of a key probably have, by key and by the power of ten by which springs are too soft."""
+"""Probable unit of a key's numbers. If springs are 10**n times too soft, the second part of the index is n."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
 
 
 def check_rest(network: MassSpringNetwork) -> None:
-    """Raise SceneError if a network's rest shape is far from the drawn shape.
+    """Raise SceneError if a network's rest shape is far from the drawn shape, or if a key seems to have a wrong unit.
 
-    NetworkError if no rest shape is found and no key seems to have a wrong unit. A continuum rests as drawn.
+    Raises NetworkError if there is no rest shape, although all units seem to be right.
     """
     if network.continuum is not None:
         return
@@ -79,7 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on all stiffnesses with which springs at their drawn lengths would balance the weight; 1 if none would.
+    """The factor on all stiffnesses with which the springs of the drawn shape balance the weight; 1 if there is none.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
@@ -93,7 +93,7 @@ def _lacking(springs: Floats, weight: Floats) -> float:
 
 
 def _fault(network: MassSpringNetwork) -> ValueError | None:
-    """Reason why a network does not rest near the drawn shape; None if it does, or if it only rotates."""
+    """The error if the rest shape is far from the drawn shape, with stretched springs; otherwise None."""
     try:
         with np.errstate(all="ignore"):  # overflow means no rest
             rest = rest_shape(network)
@@ -113,7 +113,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """Message with the key whose unit is probably wrong; lacking: factor by which the stiffness is too small."""
+    """Message that names the key whose unit is probably wrong; lacking: factor by which the stiffness is too small."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)

@@ -44,6 +44,7 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 class Scene:
     """A scene: tissue, marks, target and cameras. Raises SceneError if they do not fit together.
 
+    cameras: the cameras of a scene in the plane
     uncertainty: uncertainty of the tissue's constants; None for exact constants
     settings: settings of the filter
     spring_groups: see the function `spring_groups`
@@ -51,7 +52,7 @@ class Scene:
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras with a calibrated lens but no pose; their pictures cannot be used
     mesh: the mesh from which the network was computed; None for a network of springs
-    cameras, space_cameras: cameras of a flat scene, cameras of a scene in space
+    space_cameras: the cameras of a scene in space
     """
 
     network: MassSpringNetwork
@@ -130,23 +131,19 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of calibration errors that the filter considers.
-
-        They are those of the first camera in the plane, or those of all cameras in space. If there are reference
-        marks, errors of the pose of each camera or of the tracker follow.
-        """
+        """Number of errors of the calibration and, with reference marks, of the pose that the filter considers."""
         if self.space_cameras:
             return len(self.calibration_steps[0]) + self.n_pose * len(self.space_cameras)
         return (self.cameras[0].n_calibration if self.cameras else 0) + self.n_pose
 
     @property
     def n_pose(self) -> int:
-        """Number of coordinates of each pose that reference marks correct; 0 without reference marks."""
+        """Number of coordinates of a pose that reference marks correct; 0 without reference marks."""
         return self.network.dim * (self.network.dim + 1) // 2 if self.reference.marks else 0
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """For each camera in space, one standard deviation of each calibration error, (n, 15) [px, 1, rad, m]."""
+        """Independent calibration errors of each camera in space at one standard deviation [px, 1, rad, m], (n, 15)."""
         places = reference_places(self.reference, self.network)
         return principal_steps(self.space_cameras, np.vstack([self.network.positions, *places.values()]))
 
@@ -162,7 +159,7 @@ class Scene:
 
     @property
     def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
-        """The measured nodes in groups with marks of the same hue. Marks of one group may be confused."""
+        """The measured nodes, in groups with marks of the same hue. The marks of one group may be confused."""
         hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
@@ -173,10 +170,9 @@ def read_scene(path: FilePath) -> Scene:
 
 
 def usable_scene(path: Path, *, rests: bool = True) -> Scene:
-    """Read a scene file for simulation or estimation; raises InputError.
+    """Read a scene file, and require a rest shape near the drawn shape; raises InputError.
 
-    The body must have a rest shape near the drawn shape.
-    rests: if False, accept a body without a rest shape near the drawn shape, for inspection
+    rests: if False, a body without a rest shape is accepted, too
     """
     scene = read_scene(path)
     try:
@@ -237,9 +233,9 @@ def write_scene(scene: Scene, path: FilePath) -> None:
 
 
 def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
-    """Path and content of the mesh file that belongs beside a scene's file; raises InputError.
+    """Path and content of the mesh file that has to be written beside the scene's file `path`, if any.
 
-    The result is empty if the scene has no mesh, or if the file exists already. force: replace a different file
+    Raises InputError if a different file has its name; force: if True, this file is replaced
     """
     if scene.mesh is None:
         return {}
@@ -257,7 +253,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of a scene's content, which does not depend on its file's layout and on its list of steps."""
+    """SHA-256 of a scene's content, without its list of processing steps."""
     return digest(_content(scene))
 
 
@@ -269,11 +265,7 @@ def network_digest(scene: Scene) -> str:
 def with_step(
     scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
 ) -> Scene:
-    """The scene with one more step in its list, see `Step`.
-
-    program: version of the program; recording: digest of the recording that the step used
-    kept: constants that the step did not change
-    """
+    """The scene with one more processing step in its list; arguments: fields of `Step`."""
     done = Step(
         step=step,
         program=program,
@@ -286,16 +278,13 @@ def with_step(
 
 
 def digest(lines: Sequence[str]) -> str:
-    """SHA-256 of lines of a scene file; their numbers are rounded to twelve digits, to ignore rounding errors."""
+    """SHA-256 of lines of a scene file, with numbers rounded to twelve digits."""
     text = re.sub(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?", lambda found: f"{float(found[0]):.12g}", "\n".join(lines))
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 def step_lines(steps: Sequence[Step]) -> list[str]:
-    """The lines of `[[provenance]]`, one table for each step.
-
-    They have no times, so that the same steps give the same file. The provenance file beside it has the times.
-    """
+    """The lines of `[[provenance]]`, one table for each step. They have no times: equal steps give an equal file."""
     lines = []
     for step in steps:
         lines += ["", "[[provenance]]", *key_lines(step.model_dump(exclude={"kept"}))]

@@ -80,7 +80,7 @@ class MeshTissueTable(Strict):
 
 
 class MeshPointTable(Strict):
-    """`[[mesh.point]]`: a named point: a mark on the surface, or the target inside the body."""
+    """`[[mesh.point]]`: a point of the mesh with a name, on the surface for a mark, inside for the target."""
 
     name: Name
     position_mm: Three
@@ -89,7 +89,7 @@ class MeshPointTable(Strict):
 class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
-    fixed: selection of the fixed nodes, the wall, see `held`; driven: whether the wall moves as a rigid body
+    fixed: text that selects the fixed nodes, see `held`; driven: whether these nodes move as a rigid body
     """
 
     file: Name
@@ -104,7 +104,7 @@ Hue = Annotated[float, Field(ge=0, lt=360)]
 
 
 class _LookTable(Strict):
-    """Keys of a mark's appearance in a film, without hue and diameter, see `Mark`."""
+    """Keys that all tables of marks have for the appearance in a film, see `Mark`."""
 
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
@@ -159,9 +159,9 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]`: a homography (only in the plane), a lens with its pose, or a file that has lens and pose.
+    """`[[camera]]`: a homography (only in the plane), a lens with or without a pose, or a camera file.
 
-    The pose may be missing. A ROS or OpenCV file has no pose; the table may state one beside the file.
+    If the file is of ROS or OpenCV, which have no pose, the table may state the pose.
     """
 
     name: Name | None = None
@@ -208,9 +208,9 @@ LogSd = Annotated[float, Field(gt=0, le=700)]
 class UncertaintyTable(Strict):
     """`[uncertainty]`: relative standard deviations of the tissue's constants.
 
-    The table either has a number for each kind of constant, and all constants of that kind have independent errors. Or
-    it has `directions` for the logarithms of the named parameters: each row is one standard deviation of an independent
-    error, which changes several parameters together.
+    The table has one of two forms. In the first form it states standard deviations for kinds of constants. The errors
+    of all constants are then independent. In the second form it names parameters. Each row of `directions` is then an
+    independent error of the logarithms of these parameters, at one standard deviation.
     """
 
     stiffness: LogSd | None = None
@@ -237,7 +237,7 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: settings that replace the defaults; led_nodes: nodes that a hand or robot always pulls along."""
+    """`[filter]`: settings that replace the defaults; led_nodes: nodes that a hand or robot moves all the time."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
@@ -255,8 +255,9 @@ StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
 class Step(Strict):
     """`[[provenance]]`: a processing step that produced the scene; the program writes this table.
 
-    program: version of the program; recording_sha256: digest of the recording, None without one
-    network_sha256, scene_sha256: digests of the network and of the whole scene after the step, see `scene_digest`
+    program: version of the program
+    recording_sha256: digest of the recording that the step used, if it used one
+    network_sha256, scene_sha256: digests of the network and of the whole scene after the step
     kept: constants that the step did not change, because the recording does not determine them
     """
 

@@ -13,9 +13,9 @@ from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 class Target:
     """The hidden target point: a node, or a point at an offset from it.
 
-    radius_m: largest distance of a needle that hits [m]; offset_m: constant offset from the node, empty if zero [m]
-    position_sd_m: standard deviation of its position in the tissue on each axis, including registration [m]; None if
-    not stated
+    radius_m: largest distance between needle and target for a hit [m]
+    offset_m: constant offset from the node [m]; empty if zero
+    position_sd_m: standard deviation of the target's position in the tissue on each axis, including registration [m]
     """
 
     node: str
@@ -25,7 +25,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators. If position_sd_m is not stated, it is 0 here; advice uses a default instead."""
+        """The target for estimators. If position_sd_m is not stated, the standard deviation is 0."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

@@ -60,10 +60,10 @@ class Body:
     network: the user's network with the best-known constants, in the shape that a user would draw
     times_s: times of the frames [s], (n_frames,); positions: true positions of nodes [m], (n_frames, n_nodes, dim)
     marked: names of the visible nodes; mark_sd_m: standard deviation of their marks on each axis [m]
-    at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
+    at_rest: whether the body is at rest in the drawn shape
     in_line: whether the nodes form a line, in their order
     led: marked nodes that the simulation moves along a path
-    kinds: the kind of each spring; springs of one kind share an identified factor; if empty, each spring has its own
+    kinds: the kind of each spring; identification finds one factor for each kind, or, if empty, for each spring
     """
 
     network: MassSpringNetwork

@@ -37,7 +37,7 @@ HIDDEN_OF_CABLE = (5, 6, 7)
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     """A pendulum of rigid links in the plane; a camera sees its outer end at 100 Hz.
 
-    If mass or stiffness is scaled, the true links can stretch: the motion of rigid links would not depend on either.
+    If mass or stiffness is scaled, the true links can stretch, because the scaling does not change rigid links' motion.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -93,7 +93,6 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     """A cable of twelve segments in space; one end is fixed, one end is moved along a path, and the middle is hidden.
 
     speed: factor on the speed of the moved end; with the factor 1 this end moves at up to 1 m/s
-    A user's springs against bending also resist stretching. If true links can stretch, they have both stiffnesses.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
@@ -145,7 +144,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
     """A smooth random path of the cable's moved end: a function of the time that gives a position [m], (3,).
 
-    At time 0 the cable is straight. From time rise_s [s] the end moves about a point where the cable is slack.
+    At time 0 the cable is straight. After rise_s [s] the end moves near a point where the cable is slack.
     """
     waves = (6, 3)
     w, phase = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, waves), rng.uniform(0.0, 2.0 * np.pi, waves)

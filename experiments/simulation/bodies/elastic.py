@@ -36,7 +36,6 @@ PULL = 0.2
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
     """A soft block that hangs from a plate; it is pressed from below and released. Marks on its surface are visible.
 
-    The block does not stand, because with a small stiffness factor it would buckle under its weight.
     press: largest pressure relative to Young's modulus [1]
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
@@ -169,7 +168,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Act) -> Any
 
 
 def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Callable[[], Floats]) -> Act:
-    """Successive forces on the nodes [N], (n_nodes, 3), with pauses in which the body comes to rest."""
+    """The action of successive random forces with pauses; forces: gives forces on all nodes [N], (n_nodes, 3)."""
     own = model.flex_vertbodyid > 0
     between = (0.2, 0.8)
     found = pushes(rng, seconds, lambda: forces()[own], first=(0.2, 0.5), lasts=between, pause=between)
@@ -179,7 +178,7 @@ def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Calla
 def _leading(
     rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
 ) -> Act:
-    """Springs and dashpots that pull nodes towards points that move on smooth random paths."""
+    """The action of springs and dashpots between nodes and points that move along smooth random paths."""
     amplitude = 0.12 * float(np.ptp(grid[:, 0]))
     w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
     together = amplitude * rng.normal(size=3)
@@ -212,10 +211,7 @@ def _on_hull(grid: Floats) -> NDArray[np.bool_]:
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Springs along edges and face diagonals of a grid, (n_springs, 2), and a factor on each stiffness, (n_springs,).
-
-    The factor is the share of a spring's cross section that lies inside the body.
-    """
+    """Springs along edges and face diagonals of a grid, (n_springs, 2), and factors on the stiffness, (n_springs,)."""
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

@@ -14,7 +14,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, pushes, pus
 
 STIFFNESS_N_M = 80.0
 N_SPRINGS = 8
-"""Number of springs except the braces, which are the last two."""
+"""Number of springs without the two braces, which are the last springs."""
 
 POKE_M_S2 = 10.0
 FRAMES_PER_S = 30
@@ -39,7 +39,7 @@ def unbraced_network(scale: Scale) -> MassSpringNetwork:
 
 
 def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
-    """The unbraced phantom. Random pokes accelerate its outer masses by up to 10 m/s². Its inner mass is hidden."""
+    """The phantom without braces. Forces accelerate the outer masses by up to 10 m/s². The inner mass is hidden."""
     network = unbraced_network(scale)
     model, data = compiled(_xml(network))
     rng = np.random.default_rng([seed, 0])

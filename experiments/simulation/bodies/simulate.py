@@ -34,7 +34,7 @@ def motion(
 ) -> Floats:
     """Results of `read` at equally spaced times, (n_frames, ...); the motion starts from the present `data`.
 
-    times_s: times [s], (n_frames,); longest_s: longest step [s]; a whole number of steps fills a frame interval
+    times_s: times [s], (n_frames,); longest_s: longest permitted integration step [s]
     """
     interval = float(times_s[1] - times_s[0])
     n_steps = int(np.ceil(interval / longest_s - 1e-9))
@@ -51,7 +51,7 @@ def motion(
 
 
 def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float) -> None:
-    """Let the model come to rest; after each step its velocities are multiplied by `kept`."""
+    """Let the model come to rest: after each step, its velocities are multiplied by the factor `kept`."""
     model.opt.timestep = step_s
     for _ in range(int(seconds / step_s)):
         mujoco.mj_step(model, data)
@@ -63,7 +63,7 @@ def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float
 def pushes(
     rng: np.random.Generator, seconds: float, forces: Callable[[], Floats], *, first: Range, lasts: Range, pause: Range
 ) -> list[Push]:
-    """Successive forces with random starts, durations and pauses, until a time [s]."""
+    """Successive forces that start before the time `seconds`; first, lasts, pause: ranges of random times [s]."""
     found, start = [], float(rng.uniform(*first))
     while start < seconds:
         end = start + float(rng.uniform(*lasts))
@@ -73,7 +73,7 @@ def pushes(
 
 
 def pushing(bodies: NDArray[np.int64], found: Sequence[Push]) -> Act:
-    """The action of forces on these bodies of the model."""
+    """A function that applies the given forces to these bodies of the model."""
 
     def act(time_s: float, data: Any) -> None:
         data.xfrc_applied[:] = 0.0

@@ -1,4 +1,4 @@
-"""Bodies of the zoo, by name."""
+"""Names of the simulated bodies, and the functions that create them."""
 
 from __future__ import annotations
 
