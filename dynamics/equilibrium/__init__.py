@@ -1,4 +1,4 @@
-"""Statics: rest shapes, rest lengths from a measured shape, oscillations about rest, reversed springs.
+"""Statics: rest shapes, rest lengths from a measured shape, oscillations about rest, test for reversed springs.
 
 Functions that do not depend on time belong here.
 """

@@ -1,4 +1,4 @@
-"""Meshes of tetrahedra: surface, points, patches, stiffness at rest and factors of this stiffness.
+"""Meshes of tetrahedra: surface, points, patches, stiffness at rest and its factorisation.
 
 Geometry at rest belongs here.
 """

@@ -1,4 +1,4 @@
-"""Validated networks of nodes and springs, and the order of state vectors.
+"""Validated networks of nodes and springs, and conversion of positions and velocities to state vectors.
 
 Parts of tissue belong here, forces do not.
 """
