@@ -7,7 +7,7 @@ Names to start with:
 
     open_source           frames from a camera, film, folder or stream
     Frame                 image with its exposure time
-    MarkHue, learn_hue    colour range of a kind of mark; learning it from a position in a picture
+    MarkHue, learn_hue    colour range of a kind of mark; function that learns the range from a picture
     detect_marks          detection of marks in one picture
     MarkFinder            detection and tracking of named marks in frames
     Expected              expected position of a mark

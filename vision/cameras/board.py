@@ -19,8 +19,8 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Side of a square after the picture is shrunk for the search for a larger board [px]; choice: corners are still
-detectable."""
+"""Side of a square in the smaller picture in which a larger board is searched [px]; choice: corners are still
+detectable there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,8 @@ class Board:
 
     columns, rows: number of inner corners along x and along y
     square_m: side of a square [m]
-    dictionary, marker_m: for a ChArUco board, the dictionary of its markers, and the side of a marker [m]; else None
+    dictionary: name of the marker dictionary of a ChArUco board; None for a chessboard
+    marker_m: side of a marker of a ChArUco board [m]; None for a chessboard
 
     Raises ValueError that names the invalid field.
     """
@@ -109,9 +110,9 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """The board with one more column or one more row, if the picture (height, width) shows it; else None.
+    """The board with one more column or one more row, if the picture shows such a board; otherwise None.
 
-    To save time, only the part of the picture near the detected corners is searched.
+    image: (height, width); to save time, only the part near the detected corners is searched
     """
     if board.dictionary is not None:
         return None
@@ -134,7 +135,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """Corners in the order of the board: the first square is dark or, if both ends are alike, x is right."""
+    """Corners in the order of the board, which is turned by 180 degrees if necessary."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

@@ -24,7 +24,7 @@ class CalibrationError(ValueError):
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J with an accurate inverse, for the Jacobian J with normalised columns."""
+"""Largest condition number of J'J at which its inverse is accurate. J is the Jacobian with normalised columns."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -51,7 +51,10 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """The setup after changes (n,) of the parameters of all cameras, then of all boards except board `plane`."""
+        """The setup after a step (n,). The board with index `plane` does not move.
+
+        The step contains the changes of the parameters of all cameras, then of all other boards.
+        """
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
         moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
@@ -122,7 +125,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of the projections of world points [m], (n, 3), by shifts along camera axes [px/m], (n, 2, 3)."""
+    """Derivatives of projections, (n, 2, 3) [px/m], with respect to world points, (n, 3) [m], along camera axes."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -142,7 +145,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals by a small step of the parameters, as `Setup.moved` applies it."""
+    """Derivatives of the weighted residuals with respect to a small step of `Setup.moved`."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []

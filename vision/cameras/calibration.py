@@ -48,7 +48,7 @@ class Calibration:
     pose: pose from world axes to camera axes
     uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px],
         k1 k2 p1 p2 k3, a small rotation in camera axes, applied from the left [rad], and a translation [m]. Each row is
-        an independent error of one standard deviation. After a joint calibration, row i is one error of all cameras.
+        an independent error of one standard deviation. Cameras that were calibrated jointly share the error of row i.
     images_used: names of the used pictures; images_left_out: "name: reason" of each omitted picture
     views: pose from board axes to camera axes, for each used picture
     seen_px: detected corners of each used picture [px], each (n, 2)
@@ -164,7 +164,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Rotation of the world axes about z, by quarter turns, after which x is nearly to the right in the picture."""
+    """Rotation of the world axes about z by quarter turns. After it, x points nearly to the right in the picture."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]

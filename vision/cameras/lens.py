@@ -93,7 +93,7 @@ class Lens:
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
     """Derivatives of the projections of points [m], (n, 3), with respect to lens and pose [px], (n, 2, 15).
 
-    The 15 parameters are those of `Calibration.uncertainty`, in the same order.
+    The 15 parameters are in the order of the columns of `Calibration.uncertainty`.
     """
     turned, zero = points_m @ pose.rotation.T, np.zeros(3)
     _, all_of_it = cv2.projectPoints(turned + pose.translation_m, zero, zero, lens.matrix, lens.distortion)
@@ -105,7 +105,7 @@ def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
 
 @njit(cache=True, nogil=True)
 def _distorted(ideal, matrix, distortion):  # type: ignore[no-untyped-def]
-    """As `Lens.distorted`; distortion: all coefficients, (12,)."""
+    """Compiled part of `Lens.distorted`; distortion: all coefficients, (12,)."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = distortion
     fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     seen, J = np.empty(ideal.shape), np.empty((len(ideal), 2, 2))

@@ -17,7 +17,7 @@ DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
 )
 DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
-"""Weights of the points `DISC`, with which the mean of a polynomial over the unit disc is exact up to degree 5."""
+"""Weights of the points `DISC`. For polynomials up to degree 5, the weighted mean is the mean over the unit disc."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,7 @@ class PlaneCamera:
             object.__setattr__(self, key, value)
 
     def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
-        """Camera for other plane axes. It sees a point x where this camera sees the point R x + t.
+        """Camera for other plane axes. A point x in these axes is the point R x + t in the present axes.
 
         rotation: R, (2, 2); translation_m: t [m], (2,)
         """
@@ -117,21 +117,19 @@ class PlaneCamera:
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """Circular shape of the image of a ball about a point of the plane [px], (2, 2), as in `Outline.shape_px`.
+        """Shape of the image of a ball about a point of the plane [px], (2, 2), as in `Outline.shape_px`.
 
-        A ball is not foreshortened like a disc on the plane. So its scale is the greater singular value of the
-        projection's Jacobian. Away from mid-picture, the true image is an ellipse, longer by the factor 1 / cos of the
-        angle between ray and optical axis. The ellipse is not modelled, because a homography does not contain that
-        angle.
+        The image is assumed to be a circle. Its scale is the largest singular value of the projection's Jacobian,
+        because a ball is not foreshortened.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Shift of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
+        """Distance from the image of a disc's centre to the centre of the disc's image, along u and v [px], (n, 2).
 
+        Perspective and lens distortion cause this distance.
         points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
-        Perspective enlarges the half of the disc near the camera. Lens distortion adds to the shift.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -144,7 +142,7 @@ class PlaneCamera:
 
     @property
     def view_m(self) -> Floats | None:
-        """Points of the plane at the picture's corners, in order [m], (4, 2); None if one is beyond the horizon."""
+        """Points of the plane at the picture's corners [m], (4, 2); None if a corner is beyond the horizon."""
         right, down = (size - 1.0 for size in self.size_px)
         try:
             return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])
@@ -162,7 +160,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """Shifts of points on the plane [m], (n, 2), by each calibration error [m], (n, 2, n_calibration)."""
+        """Shifts, (n, 2, n_calibration) [m], of points on the plane, (n, 2) [m], due to each calibration error."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         by_lens = self._lens_error(p)
         if not self.scale_sd:

@@ -40,8 +40,8 @@ def calibrate_together(
     plane: name of the picture whose board defines the world axes; default: the last picture that the first camera used.
         The first camera sees the world's x axis nearly to the right.
 
-    Raises CalibrationError as `calibrate` does. It is also raised if the board looks equal after a half turn, if no
-    common pictures connect the cameras, or if pictures of equal name were not simultaneous.
+    Raises CalibrationError as `calibrate` does, and if the board looks equal after a half turn, if no common pictures
+    connect the cameras, or if pictures of equal name were not simultaneous.
     """
     if not board.has_one_way_up:
         raise CalibrationError(

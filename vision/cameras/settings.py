@@ -15,11 +15,12 @@ class CalibrationSettings:
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
         the camera matrix, and a fourth view shows whether they agree
     outlier_ratio: largest rms residual of a used picture, relative to the median over all pictures [1]; choice
-    least_tilt_deg: least angle between the two boards that differ most [degrees]; choice: parallel boards give no more
-        information than one board ([zhang2000] section 4)
-    largest_focal_sd: largest relative standard error of a focal length; above it, the views are too similar [1]; choice
-    together_px: largest increase of a camera's rms residual by the joint adjustment; above it, pictures of equal name
-        were not simultaneous [px]; choice
+    least_tilt_deg: least angle between the two most different orientations of the board [degrees]; choice: parallel
+        boards give no more information than one board ([zhang2000] section 4)
+    largest_focal_sd: largest relative standard error of a focal length [1]; choice. If it is larger, the views are too
+        similar.
+    together_px: largest increase of a camera's rms residual by the joint adjustment [px]; choice. If it is larger,
+        pictures of equal name were not simultaneous.
 
     Raises ValueError that names the invalid field.
     """

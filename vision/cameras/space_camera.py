@@ -16,10 +16,10 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose, by_calibration
 
 RADII = np.linspace(0.02, 4.0, 200)
-"""Distances from mid-picture at which a lens model is tested for a fold [half diagonals of the picture]; numerical."""
+"""Distances from mid-picture [half diagonals] at which a lens model is tested for being one-to-one; numerical."""
 
 FAR_PX = 1e6
-"""Distance from mid-picture that exceeds any picture [px]; numerical: polynomials do not overflow there."""
+"""Distance from mid-picture beyond which no picture extends [px]; numerical: polynomials do not overflow there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ class SpaceCamera:
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Whether points [m], (n, 3), are `in_view`, (n,); results of `seen`, NaN for points behind the camera."""
+        """Whether points [m], (n, 3), are `in_view`, (n,), and the results of `seen`, NaN behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -100,18 +100,18 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """`Outline.shape_px`, (2, 2) [px], of a disc with a given centre [m], (3,), and normal, (3,)."""
+        """Shape of a disc's image, as `Outline.shape_px`, (2, 2) [px]; point_m: centre [m], (3,); normal: (3,)."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """`Outline.shape_px`, (2, 2) [px], of a ball with a given centre [m], (3,)."""
+        """Shape of a ball's image, as `Outline.shape_px`, (2, 2) [px]; point_m: centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shifts of the projections of points [m], (n, 3), by small errors of lens and pose [px], (n, 2, k).
+        """Shifts of projections, (n, 2, k) [px], due to each of k small errors of lens and pose.
 
-        steps: the k errors, (k, 15), with the parameters of `Calibration.uncertainty`
+        points_m: the projected points [m], (n, 3); steps: the errors, (k, 15), as in `Calibration.uncertainty`
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)

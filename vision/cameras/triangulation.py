@@ -1,7 +1,7 @@
 """Triangulation of points from the pictures of several cameras, with covariances.
 
 Any subset of the cameras may see a point. The result minimises the sum of squared distances in the pictures. The
-iteration starts from the point nearest to the rays in space, the plain triangulation [hartley2004].
+iteration starts from the plain triangulation, which is the point nearest to the rays in space [hartley2004].
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SETTLED_M = 1e-6
 
 LEAST_PX = 0.01
 """Largest root mean square shift of projections by all omitted calibration errors together [px]; choice: a tenth of the
-error of a good mark. It adds a hundredth to the variance of that error."""
+error of a good mark. Such a shift adds a hundredth to the variance of the mark's error."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -53,8 +53,8 @@ class Triangulated:
     positions: positions [m], (n, 3)
     covs: covariances of the positions, without calibration errors [m²], (n, 3, 3)
     shared: shift of each position due to each calibration error [m], (n, 3, n_shared)
-    misfit: sum of the squared normalised residuals of each point in the pictures, (n,). For each point, the calibration
-        errors are fitted. If n_views > 1, it has a chi-square distribution with 2 n_views - 3 degrees of freedom.
+    misfit: sum of the squared normalised residuals of each point in the pictures, (n,), after a fit of the calibration
+        errors. If n_views > 1, misfit has a chi-square distribution with 2 n_views - 3 degrees of freedom.
     n_views: number of cameras that see each point, (n,)
     """
 
@@ -102,9 +102,9 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
     """Triangulate all points at once by Gauss-Newton.
 
     start_m: initial positions, also used as a further measurement of each point [m], (n, 3)
-    start_sd_m: standard deviation of start_m on each axis [m]. If it is as large as the body, start_m hardly affects a
-        point that two cameras see. A point that one camera sees then lies on the camera's ray, with an error of about
-        start_sd_m along the ray.
+    start_sd_m: standard deviation of start_m on each axis [m]. A good value is the size of the body: then start_m
+        hardly affects a point that two cameras see. If one camera sees a point, the point's error along the camera's
+        ray is about start_sd_m.
 
     If a step would move a point behind one of its cameras, the point's misfit is inf.
     Raises ValueError if start_sd_m is infinite and fewer than two cameras see a point.
@@ -153,8 +153,8 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
-    Row i of all arrays belongs to one independent error. If this error does not affect a camera, its row is zero there.
-    Cameras with equal numbers of rows above 15 are assumed to be calibrated together, and therefore share errors.
+    Row i of all arrays belongs to one independent error. If this error does not affect a camera, the camera's row i is
+    zero. Cameras are assumed to share errors if their calibrations have equal numbers of rows, and more than 15.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -174,7 +174,9 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 
 
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
-    """Principal components of the errors of `calibration_steps`, sorted by their effect on the projections of points.
+    """Principal components of the calibration errors of several cameras, in the form of `calibration_steps`.
+
+    They are sorted by their effect on the projections of points.
 
     points_m: the points [m], (n, 3)
     least_px: the smallest components are omitted if together they shift projections by at most this rms distance [px]
@@ -191,6 +193,6 @@ def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: 
         return [own[:0] for own in steps]
     effect = np.concatenate(effects)
     _, sizes, turns = np.linalg.svd(effect, full_matrices=False)
-    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # effect of all directions from each one on
+    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # effect of each component and all smaller ones
     kept = turns[left_out > least_px**2 * len(effect) / 2.0]
     return [kept @ own for own in steps]

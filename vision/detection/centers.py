@@ -60,13 +60,13 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factor on the covariance of a centre by outline; noise_sd: standard deviation of the noise of alpha."""
+    """Factor on the covariance of an outline's centre; noise_sd: noise relative to the mark's contrast."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """Centre of a mark if its centre by coverage and its centre by outline agree; otherwise None."""
+    """Centre of a mark's outline, if it agrees with the centre of the covered area; otherwise None."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -136,7 +136,7 @@ def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Spread of a component's pixels that motion causes [px²], (2, 2)."""
+    """Covariance that motion adds to the positions of a component's pixels [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # The spread of a disc is a quarter of its squared radius along each axis. Blur of the edge increases it.

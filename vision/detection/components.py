@@ -24,9 +24,9 @@ from vision.detection.records import Detection, HueError, Reason, Rejected
 from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
-"""Area of the smallest circle that covers a whole aligned block of 2 x 2 pixels at any position of the circle [px];
-source: geometry. The middle of the nearest block is at most sqrt(2) px from the circle's centre, and the corners of the
-block are at most sqrt(2) px farther."""
+"""A circle of at least this area [px] covers a whole block of 2 x 2 pixels at any position; source: geometry. Blocks
+begin at even coordinates. The middle of the nearest block is at most sqrt(2) px from the circle's centre, and the
+corners of the block are at most sqrt(2) px farther."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -44,13 +44,13 @@ def detect_marks(
     settings: DetectionSettings = DETECTION,
     rejected: list[Rejected] | None = None,
 ) -> list[Detection]:
-    """Detect the marks of these hues, largest first.
+    """Detect the marks of these hues. The largest mark is first in the result.
 
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the searched part [px]; None: the whole frame
-    outlines: outlines of whole marks, for the centres of partly covered marks; one outline for all marks, or one for
-        each expected mark
+    outlines: outlines of completely visible marks: one for all marks, or one for each expected mark. They are needed to
+        find the centres of partly covered marks.
     expected_px: expected positions of marks, (n, 2); they help to separate touching marks and to select an outline
     expected_hues: hues of the expected marks; empty if all marks have one hue
     rejected: list to which rejected groups of pixels are appended; None: not recorded
@@ -120,9 +120,9 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 class _Search:
     """Inputs of `detect_marks` for part of a frame.
 
-    part: the pixels; classes: colour classes of the pixels, in a picture that is smaller by the factor scale
+    part: the pixels; classes: colour class of each pixel after the part is shrunk by the factor scale
     starts_px: expected positions in the part, (n, 2); corner_px: position of the part's first pixel in the frame, (2,)
-    hues_deg: expected_hues of `detect_marks`
+    hues_deg: parameter expected_hues of `detect_marks`
     """
 
     part: Picture
@@ -242,7 +242,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """Record of a rejected piece; if the piece is too large, or is a whole disc, the reason becomes SIZE."""
+        """Record of a rejected piece. The given reason is replaced if the piece has the wrong size."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,10 +263,9 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels form a whole disc of any size, with the shape of an outline; False for too few pixels.
+    """Whether pixels fill a disc of any size with the shape of an outline; False for too few pixels.
 
-    The second moments of a disc of area A about its centre sum to A² / (2 pi). Any other shape of this area has a
-    larger sum.
+    The second moments of a disc of area A about its centre sum to A² / (2 pi). Other shapes have a larger sum.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False

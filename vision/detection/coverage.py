@@ -1,4 +1,4 @@
-"""Coverage of pixels by a mark. It gives the mark's centre, covariance and area."""
+"""Share of each pixel that a mark covers, and the centre and area of the mark that follow from these shares."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def measure_coverage(
     *,
     thorough: bool = True,
 ) -> Coverage | None:
-    """The coverage of a patch by a component; None if the component cannot be distinguished from the background.
+    """Measure the share of each pixel that a mark covers; None if the mark cannot be distinguished from the background.
 
-    patch: (h, w, 3) BGR uint8
+    patch: part of a picture around the mark, (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark's colour class, else 0, (h, w) uint8
     others: 1 on pixels of other marks of the class, else 0, (h, w) uint8; these pixels are not used as background
     thorough: whether to measure the correlation of the noise; if not, the covariance is approximate

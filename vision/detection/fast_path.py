@@ -24,9 +24,9 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """The detection in each region, if it is certainly a completely visible mark and the only mark of its hue there.
+    """Detect in each region the one completely visible mark of the expected hue.
 
-    Otherwise the entry is None; `detect_marks` may then find the mark.
+    If such a mark is not certain, the result for the region is None; `detect_marks` may then find the mark.
     regions: left, top, width, height [px]; expected: the mark of each region
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]

@@ -20,7 +20,7 @@ def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The hue in the range from 0 to less than 360 degrees, also if the value would be rounded to 360.
+    """The hue in the range from 0 to less than 360 degrees. If rounding gives 360, the result is 0.
 
     >>> on_circle(-1e-15)
     0.0

@@ -56,8 +56,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
     """Mask of the connected pixels around u, v that have the colour of pixel u, v: 1, else 0, (h, w).
 
-    Otsu's threshold separates these pixels from others in a window, by the distance of their colours from the colour of
-    pixel u, v without brightness. The window grows until no pixel of the mask is on its border.
+    Otsu's threshold is applied to the distances between colours in a window and the colour of pixel u, v. Brightness is
+    ignored. The window grows until no pixel of the mask is on its border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

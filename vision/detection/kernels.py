@@ -14,7 +14,7 @@ HUE_STEPS = 720
 NARROW_PX = 12
 """Width of the border that is added around the pixels of a class, for the mark's edge and the background [px]."""
 ON_A_LINE = 1e-6
-"""Least determinant of a Gram matrix of positions, relative to its diagonal's product, for a fit of the background."""
+"""Least determinant of the Gram matrix in a fit of the background, relative to the product of its diagonal."""
 ROUNDING = 1.0 / 12.0
 """Variance of the error of rounding to whole grey levels."""
 N_RAYS = 64
@@ -33,8 +33,8 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class number of each hue step, (HUE_STEPS,) uint8
-    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0 is the least of all classes
-    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0 is the least of all classes
+    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0 is the minimum of the others
+    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0 is the minimum of the others
     """
     height, width = classes.shape
     for row in range(height):
@@ -136,8 +136,8 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
     """Linear model of the background's colour, fitted to background pixels.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
-    Returns whether the model is determined, the coefficients of its terms 1, column and row, the inverse Gram matrix of
-    these terms, and the noise covariance of the colours, each (3, 3).
+    Returns whether the fit is determined, and three matrices (3, 3): the coefficients of 1, column and row; the inverse
+    Gram matrix; the noise covariance of the colours.
     """
     none = np.zeros((3, 3))
     height, width = behind.shape
@@ -313,7 +313,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of pixels of the mark's interior `solid`; their mean colour, (3,); contrast to the background, (3,)."""
+    """Number of pixels in the mask `solid`, their mean colour, (3,), and its difference from the background, (3,)."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -333,10 +333,10 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
-    """Alpha, (h, w): (pixel - background) @ weights near the mark, 1 in its core, 0 elsewhere.
+    """Alpha, (h, w): 1 in the mark's core, (pixel - background) @ weights in the rest of `near`, 0 elsewhere.
 
-    Also returns the sums of alpha, alpha * column and alpha * row over all pixels. The last result has the sums of 1,
-    column u, row v, uu, uv and vv over the edge pixels, which are near the mark but not in its core.
+    Also returns the sums of alpha, alpha u and alpha v over all pixels, and the sums of 1, u, v, uu, uv and vv over the
+    pixels of `near` outside the core. u and v are column and row.
     """
     by_b, by_g, by_r = weights
     constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
@@ -368,7 +368,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """Length of d center / d alpha = (position - center) / area, (h, w); 0 except at edge pixels."""
+    """Length of d center / d alpha = (position - center) / area at edge pixels, (h, w); 0 at other pixels."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -406,7 +406,7 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """Coverage of a patch by a component: whether it is valid, alpha, (h, w), and ten numbers.
+    """Measure alpha, the share of each pixel that a mark covers. Returns validity, alpha, (h, w), and ten numbers.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8, as in `measure_coverage`
     grow: radius of the disc by which the component is dilated [px]
@@ -461,7 +461,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Outermost point on each ray at which alpha falls below 0.5, relative to start [half axes]; number of points."""
+    """Points at which alpha falls below 0.5, at most one on each ray, relative to start; number of points."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -502,7 +502,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The best circle (x, y, size) through three edge points: most points on it, few beyond it, a size near 1."""
+    """The best circle (x, y, size) through three edge points: many points are on it, few are beyond it."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -542,10 +542,10 @@ def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
-    """Fit of a circle to edge points by Tukey's robust least squares, beginning with the circle `start`.
+    """Fit a circle to edge points by Tukey's robust least squares, beginning with the circle `start`.
 
-    Returns the circle (x, y, size), the inverse of its normal matrix, (3, 3), the variance of an edge point, the
-    variance of waves around the outline, and the shares of rays with an edge point on the circle and beyond it.
+    Returns the circle (x, y, size), the inverse normal matrix, (3, 3), the variance of an edge point, the power of
+    waves in the residuals, the share of rays with an edge point on the circle, and the share beyond the circle.
     """
     n = len(edges)
     fit, inverse = start.copy(), np.zeros((3, 3))
@@ -601,15 +601,15 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         if last:
             break
         settled = abs(variance - narrower) < 0.01 * variance and largest < SETTLED
-    # A shift of the centre is a wave of order 1 around the outline. The waves of higher order in the residuals show how
-    # strong one wave due to noise, highlights and compression is.
+    # A shift of the centre is a wave of order 1 around the outline. Its power due to noise, highlights and compression
+    # is assumed to be the mean power of the waves of higher order in the residuals.
     power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, inverse, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit of an outline to a mark's visible edge: centre u, v, covariance uu uv vv, share, beyond, size of `Fitted`.
+    """Fit an outline to a mark's visible edge. Returns u, v, uu, uv, vv, share, beyond and size, as in `Fitted`.
 
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: as in `Outline`
     settings: from `OutlineSettings.for_kernel`
@@ -671,7 +671,7 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """The only large connected piece of a class, if it does not touch the border and other pieces are negligible.
+    """The only large connected piece of a class. It must not touch the border, and other pieces must be negligible.
 
     Returns whether there is such a piece, its mask with filled holes, (h, w), and its first and last row and column.
     """
@@ -749,7 +749,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """Whether a box has exactly one mark of a class; position of its patch; alpha and numbers of `covered`."""
+    """Whether a box has exactly one mark of a class, the left and top of its patch, and the results of `covered`."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -775,13 +775,13 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """The only mark of a class in each of n boxes: whether it was found and is whole, (n,), and numbers, (n, 11).
+    """The one mark in each of n boxes: whether it was found and is completely visible, (n,), and numbers, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
     classes: number of the class, and least number of a mark's pixels, (n, 2)
     palette: table, least_value and least_saturation of `classify`
     outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
-    covering: border around a mark [px], settings and fit_pixels of `covered`
+    covering: border around a mark [px], and the parameters settings and fit_pixels of `covered`
     fitting: settings of `fitted`; limits: limits of `agreed`
     The numbers are the centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """

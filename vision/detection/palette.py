@@ -42,7 +42,7 @@ def equal(classes: Picture, number: int) -> Picture:
 
 
 def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
-    """Class of each pixel after smoothing, or after shrinking by `scale`: noise would split small marks."""
+    """Class of each pixel, (h, w), after the picture is shrunk by `scale` or, if scale is 1, smoothed."""
     if scale == 1:
         smooth = cv2.blur(part, (3, 3))
     else:

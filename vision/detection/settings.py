@@ -1,6 +1,7 @@
 """Settings of mark detection.
 
-The unit [sizes] is the half axes of the mark's outline.
+Lengths in [sizes] are relative to the half axes of the mark's outline. A component is a group of connected pixels that
+have the colour of a mark.
 """
 
 from __future__ import annotations
@@ -10,16 +11,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class CoverageSettings:
-    """Settings for the share of each pixel that a mark covers.
+    """Settings for the measurement of alpha, the share of each pixel that a mark covers.
 
-    grow_px: distance over which lens, colour mosaic and compression spread a pixel [px]; choice. The mark's edge may be
-        this far outside the component, and noise is correlated up to this lag.
-    pad_px: width of the border around the component; the outer part of the border is background [px]; choice
-    core_px: depth inside the component beyond which pixels show only the mark [px]; choice
+    grow_px: distance over which lens, colour mosaic and compression blur the picture [px]; choice. The mark's edge may
+        be this far outside the component. Noise is correlated over this distance.
+    pad_px: width of the examined border around the component [px]; choice. Its outer part shows background.
+    core_px: distance from the component's edge, inward, from which on pixels show only the mark [px]; choice
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
-    edge_gain: variance of the noise at the edge, relative to the variance of half the difference of two pixels [1];
-        choice: for white noise it would be 2
+    edge_gain: ratio of alpha's variance at the mark's edge to the variance of half the difference between opposite
+        pixels [1]; choice: for white noise it would be 2
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -39,16 +40,17 @@ class CoverageSettings:
 class OutlineSettings:
     """Settings for the fit of an outline to the edge of a mark.
 
-    reach: length of the rays on which edge points are searched, from the middle of the visible part [sizes]; choice
-    near_px: an edge point within this distance of the fitted outline lies on it [px]; choice
+    Edge points are searched on rays that begin in the middle of the visible part of the mark.
+    reach: length of the rays [sizes]; choice
+    near_px: largest distance between the fitted outline and an edge point that is on the outline [px]; choice
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
-    highest_wave: the Fourier coefficients of the residuals around the outline, from order 2 to this order, measure the
-        noise [1]; choice
+    highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice
     edge_sd_px: least standard deviation of an edge point [px]; choice
-    min_share: least share of rays with an edge point on the outline, and least visible share of a mark's area [1];
-        choice
-    whole_share: least share of rays, and least share of the mark's area, for a mark that is not occluded [1]; choice. A
-        piece whose area exceeds the mark's area divided by whole_share may be several touching marks.
+    min_share: least share of rays with an edge point on the outline [1]; choice. It is also the least visible share of
+        the mark's area.
+    whole_share: least share of rays with an edge point on the outline for a mark that is not occluded [1]; choice. It
+        is also the least visible share of the mark's area. If a component is larger than the mark's area divided by
+        whole_share, it may be several touching marks.
     """
 
     reach: float = 2.0
@@ -76,15 +78,17 @@ class OutlineSettings:
 class RimSettings:
     """Settings for the fit of a mark's rim (its outline) to steps of colour.
 
-    around: distance from the outline, inside and outside, within which steps are searched on each ray [sizes]; choice
+    around: largest distance from the outline, inward and outward, at which steps are searched [sizes]; choice
     blur_px: standard deviation of the smoothing before the search [px]; choice
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
     wide: largest distance of a step from the fitted outline in the first iteration [sizes]; choice
     narrow_px: largest distance of a step from the fitted outline in the last iteration [px]; choice
-    min_share: least share of rays with a step on the outline, weighted by contrast, for a mark that is not occluded
-        [1]; choice
-    min_share_alone: as min_share, if the mark is detected by its rim alone [1]; choice
-    smear_gain: added variance of the centre, relative to the spread of the mark's pixels due to motion [1]; choice
+    min_share: least share of rays with a step on the outline, for a mark that is not occluded [1]; choice. Each ray is
+        weighted by the contrast of its step.
+    min_share_alone: least share of rays with a step on the outline, for a mark that is detected by its rim alone [1];
+        choice
+    smear_gain: added variance of the centre, relative to the variance of the pixels' positions due to motion [1];
+        choice
     shading: added standard deviation of the centre of a completely visible shaded ball [sizes]; choice
     """
 
@@ -101,7 +105,7 @@ class RimSettings:
 
 @dataclass(frozen=True, slots=True)
 class ComponentSettings:
-    """Settings of connected pixels that may be a mark.
+    """Limits for components that may be marks.
 
     max_picture_share: largest share of the picture that a hue of marks may cover [1]; choice
     max_elongation: largest ratio of longest to shortest axis [1]; choice
@@ -118,14 +122,14 @@ class ComponentSettings:
 class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
-    gate: largest squared Mahalanobis distance between a mark's centre by coverage and its centre by outline [1];
-        source: chi-square, 2 dof, 99.9 %. A search for the rim alone starts within this distance of the expected
-        position.
-    agree_sd_px: added standard deviation of the difference of two centres of one mark [px]; choice
-    min_area: least area of a component, relative to the mark's area; the largest area is 1 / min_area [1]; choice
-    grain_noise: noise, relative to contrast, from which on errors along an outline are correlated [1]; choice
-    grain_gain: largest relative increase of an outline's covariance due to this correlation [1]; choice
-    blurred: spread of the pixels of a mark without motion, relative to the spread of its outline [1]; choice
+    gate: largest squared Mahalanobis distance between two centres of a mark: the centre of the area that it covers, and
+        the centre of its outline [1]; source: chi-square, 2 dof, 99.9 %. It also limits the distance between rim and
+        expected position if a mark is detected by its rim alone.
+    agree_sd_px: added standard deviation of the difference between two centres of a mark [px]; choice
+    min_area: least area of a component, relative to the mark's area [1]; choice. The largest area is 1 / min_area.
+    grain_noise: noise, relative to contrast, above which errors along an outline are correlated [1]; choice
+    grain_gain: largest relative increase of the covariance of an outline's centre due to correlated errors [1]; choice
+    blurred: second moments of the pixels of a mark without motion, relative to those of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -158,14 +162,15 @@ class DetectionSettings:
 
 @dataclass(frozen=True, slots=True)
 class HueLearningSettings:
-    """Settings for learning a kind of mark from one position in a picture.
+    """Settings for learning the colour range of a kind of mark from one position in a picture.
 
     window_px: half width of the first window around the position [px]; choice
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest difference between the colours of one mark, relative to the distance from grey [1]; choice
+    max_distance: largest difference between colours of a mark, relative to the colour's distance from grey [1]; choice
     sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
     min_width_deg: least half width of a learned range [degrees]; choice. The largest half width is sds * min_width_deg.
-    paler, darker: least saturation and least value of marks, relative to those of the pixels [1]; choice
+    paler, darker: least saturation and least value of marks, relative to their 5th percentiles in the pixels [1];
+        choice
     """
 
     window_px: int = 8

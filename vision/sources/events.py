@@ -1,4 +1,4 @@
-"""Interface of a source of frames, and the events that it reports besides frames."""
+"""Protocol of a source of frames, and the events that a source reports, such as faults."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class EventKind(StrEnum):
     DROPPED = "DROPPED"
     """A read failed. The source is read again, and then reopened."""
     SPARSE = "SPARSE"
-    """At least half of the pictures are lost, or the source records at most half as many pictures as usual."""
+    """At most half of the usual number of pictures arrives."""
     RESUMED = "RESUMED"
     """New pictures come after a fault, or no more pictures are lost."""
     RESIZED = "RESIZED"
@@ -40,7 +40,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SourceEvent:
-    """An event of a source: time on the clock of exposure times [s], kind, and a line of text."""
+    """An event of a source: its time on the clock of the exposure times [s], its kind, and a text of one line."""
 
     time_s: float
     kind: EventKind
@@ -51,15 +51,15 @@ class SourceEvent:
 
 
 class SourceOf(Protocol[F_co]):
-    """Protocol of a source of frames, in the order of their exposure."""
+    """Protocol of a source that delivers frames, or sets of simultaneous frames, in the order of their exposure."""
 
     @property
     def frames_dropped(self) -> int:
-        """Number of frames that were read but not delivered, because a newer frame came or their time was wrong."""
+        """Number of frames that were read but dropped, because a newer frame came or because their time was wrong."""
 
     @property
     def origin_s(self) -> float:
-        """Frame time at which the source's own time, such as the time in a film, is zero [s]."""
+        """Exposure time of a frame at time 0 of a played film [s]; 0 for other sources."""
 
     @property
     def ended(self) -> bool:
@@ -84,7 +84,7 @@ class SourceOf(Protocol[F_co]):
 
 
 class Source(SourceOf[Frame], Protocol):
-    """Protocol of a source of pictures, in the order of their exposure."""
+    """Protocol of a source that delivers single frames, in the order of their exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield frames until the source ends; faults do not stop the iteration. Raises SourceError."""

@@ -20,14 +20,11 @@ class FrameFile(Protocol):
 
 
 class EveryFrame(Closing):
-    """Source of every frame of a file or folder, in order, without thread or clock.
-
-    State: the remaining frames; the last frame; events that were not fetched yet; whether the source has ended.
-    """
+    """Source of every frame of a file or folder, in order. It uses no thread and no clock."""
 
     frames_dropped = 0
     origin_s = 0.0
-    """Value of `SourceOf.origin_s` [s]: 0, because the frames have the file's own times."""
+    """Value of `SourceOf.origin_s` [s]. It is 0, because the frames have the file's own times."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames

@@ -1,7 +1,7 @@
 """Exposure times of frames: on the monotonic clock for devices, in the film's own time for films.
 
-The arrival time of a frame is the monotonic time at which grab() returned the frame. A rule computes exposure times.
-Each opening of a source has a new rule, which is called once for each frame, in order. `Arrivals` tests arrival times.
+The arrival time of a frame is the monotonic time at which grab() returned. A rule is a function that computes the
+exposure time of each frame, in order. When a source is reopened, it gets a new rule.
 """
 
 from __future__ import annotations
@@ -32,17 +32,14 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 class DeviceTimes:
     """Rule for the exposure times of a device: half a frame interval before the frame was complete.
 
-    Devices do not report how long exposure and read-out take; half the median frame interval is assumed. At first, a
-    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, the
-    device's own time, CAP_PROP_POS_MSEC, is used. Device times are plausible if they increase, and if their delay
-    (arrival time minus device time) varies by at most clock_error_s. The least delay of the last remembered_frames
-    frames is added to the device time, because frames may come late but never early. Up to settled_frames late frames
-    in a row, for example from a queue after a pause, are not used for this delay.
+    Devices do not report how long exposure and read-out take. Half the median frame interval is assumed. At first, a
+    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, a frame
+    is assumed to be complete at its device time plus the least delay of the last remembered_frames frames. The device
+    time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. Device times are plausible if they
+    increase, and if the delays vary by at most clock_error_s.
 
-    late_s: increase of the delay [s], if it exceeds settings.blocked_s, otherwise 0; the cause is a queue of frames, or
-        a device's clock that was set back
-    State: late_s; device times and arrival times of the last frames; numbers of plausible and of late frames in a row;
-    the delay before the increase [s].
+    late_s: increase of the delay [s]; 0 if it is at most settings.blocked_s. Either frames wait in a queue, or the
+        device's clock was set back.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -97,13 +94,10 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Rule for exposure times that uses another rule until the times of the other rule stop increasing.
+    """Rule for exposure times that increase. It calls the given rule while that rule's times increase.
 
-    If these do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival times minus
-    a constant: the delay of the last frame whose exposure time increased.
-
-    State: time and delay of that frame [s]; number of frames since then; whether arrival times are used; a fault that
-    `take_fault` has not returned yet.
+    If the rule's times do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival
+    times minus the delay of the last frame whose exposure time increased.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -133,13 +127,13 @@ class RisingTimes:
 
     @property
     def by_source(self) -> bool:
-        """Whether exposure times follow from times of the source, not from arrival times."""
+        """Whether exposure times are computed from times that the source reports, not from arrival times."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
     @property
     def late_s(self) -> float:
-        """As `DeviceTimes.late_s`; 0 for other rules."""
+        """Value of `DeviceTimes.late_s` [s]; 0 if the given rule is not `DeviceTimes`."""
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
@@ -151,11 +145,10 @@ class RisingTimes:
 class FilmTimes:
     """Exposure times of a film's frames, from 0 on [s].
 
-    If the time in the container agrees with index / rate within `ROUNDING_S`, the frame's time is index / rate.
-    Otherwise it is the container's time. If a container's time is not finite or does not increase, this and all later
-    times are index / rate. If there is no rate, or if a container's time has differed before, ValueError is raised.
-
-    State: number of frames; the container's first and last time [s]; whether a container's time differed, or was wrong.
+    If a frame's time in the container differs from index / rate by at most `ROUNDING_S`, index / rate is used.
+    Otherwise, the time in the container is used. If a time in the container is not finite or does not increase,
+    index / rate is used from this frame on. If there is no rate, or if a time in the container was used before,
+    ValueError is raised instead.
     """
 
     def __init__(self, rate: float) -> None:
@@ -190,15 +183,12 @@ class FilmTimes:
 class Arrivals:
     """Test whether the arrival times of pictures determine their exposure times.
 
-    If a read does not return for `settings.blocked_s`, the pause may have filled a queue, and pictures then come late.
-    Arrival times do not show whether the source queued or lost the pictures of the pause. All pictures after the pause
-    are therefore assumed to be late, until pictures come much faster than usual and have emptied the queue. A failed
-    read also ends this assumption, because no read fails while a picture waits. If the source itself reports exposure
-    times, the assumption is not needed. If an interval is not a multiple of the usual interval, pictures waited for an
-    unknown time: arrivals are uneven.
+    After a pause of more than `settings.blocked_s`, pictures may arrive late, because they waited in a queue. All
+    pictures after the pause are assumed to be late, until pictures have arrived so fast that the queue must be empty,
+    or until a read fails. If the source itself reports exposure times, pictures are not assumed to be late. An arrival
+    is uneven if the interval is not a multiple of the median interval: the picture then waited for an unknown time.
 
-    late_s: largest delay of pictures beyond the usual delay [s]
-    State: late_s; arrival time of the last picture [s]; the last intervals [s]; time of the last uneven arrival [s].
+    late_s: largest possible delay of pictures due to a pause [s]
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:

@@ -1,4 +1,4 @@
-"""All frames of files, in order, each with its exposure time."""
+"""Frames of films and folders, in order, each with its exposure time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SourceError(ValueError):
 
 
 class Closing(ABC):
-    """Base class of context managers that close themselves."""
+    """Base class of context managers that call `close` at the end of their block."""
 
     @abstractmethod
     def close(self) -> None:
@@ -56,7 +56,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """Pictures of several cameras at one exposure time [s]; images: pixels, (height, width, 3) BGR, by camera."""
+    """Simultaneous pictures of cameras. exposure_s: exposure time [s]; images: (height, width, 3) BGR, by camera."""
 
     exposure_s: float
     images: dict[str, Image]
@@ -81,7 +81,7 @@ def bgr(picture: Any) -> Image:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Suppress OpenCV's warnings on the terminal. The caller reports an error in one line."""
+    """Suppress OpenCV's warnings on the terminal."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -115,9 +115,10 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 
 
 class VideoFileFrames(Closing):
-    """Frames of a film, as fast as they are requested. State: the open film.
+    """Frames of a film, as fast as they are requested.
 
-    exposures_s: exposure time of each frame [s]; None: index / fps or, without fps, the film's own times (`FilmTimes`)
+    exposures_s: exposure time of each frame [s]; default: index / fps
+    fps: frame rate [frames/s]; default: the film's own times are used (`FilmTimes`)
 
     Raises SourceError if the film cannot be opened. Iteration raises SourceError if the film has no times, or if the
     numbers of frames and exposure times differ.

@@ -1,4 +1,4 @@
-"""Live frames: a thread reads a camera or stream, delivers its newest frame, and reopens it after faults."""
+"""Live frames: a thread reads a camera or stream, delivers its newest frame, and reopens the source after faults."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Capture(Protocol):
         """Wait for the next frame; returns False if there is none."""
 
     def retrieve(self) -> tuple[bool, Any]:
-        """The frame of the last grab()."""
+        """Whether the last grab() has a frame, and this frame."""
 
     def get(self, prop: int) -> float:
         """A property by its OpenCV number."""
@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: time of its last progress [s], largest time without progress [s], whether it was replaced."""
+    """A reading thread: time of its last progress [s], longest time without progress [s], whether it was replaced."""
 
     alive_s: float
     may_hang_s: float
@@ -56,20 +56,18 @@ class Reader:
 class LiveFrames(Closing):
     """Source of the newest frames of a camera or stream. Each frame is delivered at most once.
 
-    open_capture: function that opens the source. It runs in a reading thread, because a dead device may block it.
-    ends: whether a failed read of a capture means that the source has ended; if not, it is a fault
+    open_capture: function that opens the source; called in a reading thread, because a dead device may block the call
+    ends: function that states whether a failed read is the end of the source; if not, a failed read is a fault
     keep: largest number of frames that wait for delivery; if there are more, the oldest frame is dropped
-    exposures: function that makes a new rule for exposure times at each opening; default: `DeviceTimes`
-    may_repeat: whether equal successive pictures are delivered, as in a film; if not, repeated pictures are dropped
+    exposures: function that returns a rule for exposure times; called at each opening; default: `DeviceTimes`
+    may_repeat: whether a picture that equals an earlier picture is delivered, as in a film; if not, it is dropped
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for faults
     clock, nap: the monotonic clock [s], and a function that pauses; default of nap: a pause that `close()` ends
     origin: function that returns `origin_s`
     waits: whether reading begins with the first call of `next`, as for a film; if not, it begins at once
 
-    If the source cannot be opened at first, `next` raises SourceError. If the source is lost later, it is reopened
-    repeatedly. State, shared with the threads: waits; waiting frames; the last pictures; the tests for faults; events
-    that were not fetched yet; the reading threads, and the thread that read the last picture.
+    If the source cannot be opened at first, `next` raises SourceError. If the source fails later, it is reopened.
     """
 
     def __init__(
@@ -118,7 +116,7 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the source's own time, such as the time in a film, is zero [s]; 0 without such a time."""
+        """Clock time at which time 0 of a film is played [s]; 0 for a camera or stream."""
         return self._origin()
 
     @property
@@ -133,7 +131,7 @@ class LiveFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """Largest delay of the present pictures beyond the usual delay [s], due to a pause of the source."""
+        """Largest possible delay of the last picture due to an earlier pause of the source [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
@@ -149,8 +147,8 @@ class LiveFrames(Closing):
     def next(self, timeout_s: float) -> Frame | None:
         """The oldest waiting frame; None at the end, or if no frame comes within timeout_s [s].
 
-        Raises SourceError if the source cannot be opened, or if it delivers no frame for give_up_s. An exception in the
-        reading thread is raised here.
+        Raises SourceError if the source cannot be opened, or if it delivers no frame for give_up_s. Exceptions of the
+        reading thread are raised here, too.
         """
         until = self._clock() + timeout_s
         with self._changed:
@@ -193,7 +191,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order. Faults are detected only during calls of `next`."""
+        """The events since the last call, in order. A blocked or frozen source is detected only by calls of `next`."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -284,7 +282,7 @@ class LiveFrames(Closing):
             return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
-        """Deliver a picture, unless it equals an earlier one or its exposure time does not increase."""
+        """Deliver a picture, or drop it if it equals an earlier picture or if its exposure time does not increase."""
         with self._changed:
             if not self._wanted(reader):
                 return

@@ -34,10 +34,11 @@ def open_source(
     give_up_s: float | None = None,
     settings: SourceSettings = DEFAULTS,
 ) -> Source:
-    """Open a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
+    """Open a source of frames.
 
-    live: if True, only the newest frame is delivered, and files play at the speed of their exposure times. If False,
-        files are read as fast as requested, and up to settings.backlog frames of a device or stream wait for delivery
+    spec: camera index, /dev/video..., film, folder of pictures, or stream (rtsp://, http://, udp:// ...)
+    live: if True, only the newest frame is delivered, and a file is played at the speed of its exposure times. If
+        False, a file is read as fast as requested, and up to settings.backlog frames of a device or stream can wait.
     fps: frame rate of a folder of pictures; for a film, it replaces the film's own times [frames/s]
     give_up_s, settings: as in `LiveFrames`
 
@@ -69,12 +70,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of a file's frames: if live, as `played`; if not, every frame, as fast as requested."""
+    """Source of a file's frames. live: whether the file is `played`; if not, every frame is read when requested."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source of a file's newest frames, played at the speed of its exposure times; start: see `Playback`."""
+    """Source that plays a file at the speed of its exposure times; start: see `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
@@ -91,7 +92,7 @@ def _never(_capture: Any) -> bool:
 
 
 def _has_length(capture: Any) -> bool:
-    """Whether a capture is a film on a server. A stream has no number of frames."""
+    """Whether a capture has a number of frames: it is then a film on a server, not a stream."""
     return bool(capture.get(cv2.CAP_PROP_FRAME_COUNT) > 0)
 
 

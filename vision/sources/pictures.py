@@ -20,7 +20,7 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels, (height, width), of each picture: first of the sharp frames of a film, then of each file.
+    """Names and grey levels, (height, width), of pictures. The sharp frames of a film come before the picture files.
 
     Raises SourceError for unreadable files, a second film, repeated names, and pictures of different sizes.
     """
@@ -48,7 +48,7 @@ def grey_picture(path: FilePath) -> Image:
 
 
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """The sharpest frame in each of n parts of a film: name, such as "frame 000123", and grey levels (height, width).
+    """Name ("frame 000123") and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
 
     Raises SourceError as `VideoFileFrames` does.
     """

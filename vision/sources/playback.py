@@ -15,16 +15,15 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Common start of films that play together: clock time of exposure time 0 [s]; None before the first frame."""
+    """Start of films that play together. at_s: clock time of exposure time 0 [s]; None before the first frame."""
 
     at_s: float | None = None
 
 
 class Playback:
-    """Capture that plays a file: it delivers each frame at the frame's exposure time after the first call of grab().
+    """Capture that plays a file: frames follow each other at the intervals of their exposure times.
 
-    start: start time, common to films that play together
-    State: the remaining frames, the present frame, the start time.
+    start: start time, which films share if they play together
     """
 
     def __init__(

@@ -30,10 +30,10 @@ NOMINAL_FPS = 30.0
 
 
 class SegmentWriter:
-    """Writer of a film in pieces, into an existing empty folder: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG).
+    """Writer of a film in numbered pieces: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG) in an empty folder.
 
-    If `finish` is interrupted, it can be called again.
-    State: the unfinished piece, a hidden file; the number of complete pieces.
+    The unfinished piece is a hidden file. If `finish` is interrupted, it can be called again.
+    n_whole: number of complete pieces
     """
 
     def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
@@ -42,7 +42,7 @@ class SegmentWriter:
         self._piece: VideoWriter | None = None
 
     def write(self, image: Image) -> None:
-        """Append a frame, (height, width, 3) BGR uint8, to the unfinished piece; begin a piece if there is none."""
+        """Append a frame, (height, width, 3) BGR uint8, to the unfinished piece, or to a new piece if there is none."""
         if self._piece is None:
             path = self.folder / f"{self.n_whole:06d}{SUFFIX[self.codec]}"
             self._piece = VideoWriter(path, self.size_px, NOMINAL_FPS, codec=self.codec)
@@ -84,7 +84,7 @@ def count_segment_frames(folder: FilePath) -> int:
 class SegmentFrames(Closing):
     """Frames of all pieces in order, with exposure times [s]. Frames after the last exposure time are omitted.
 
-    Raises SourceError if pieces are missing, cannot be read, or have fewer frames than times. State: the open piece.
+    Raises SourceError if pieces are missing or unreadable, or if there are fewer frames than exposure times.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:

@@ -9,28 +9,31 @@ from dataclasses import dataclass, fields
 class SourceSettings:
     """Settings of sources: thresholds for faults, use of a device's clock, frames of a film for a calibration.
 
-    The usual interval is the median interval between the last settled_frames frames.
-    blocked_s: a source is blocked if no read returns for this time [s], frozen if one picture repeats for this time;
-        it is reopened if reads fail for this time; choice. It is also the longest duration of `close`.
-    hung_s: duration of a read [s] after which another thread opens the device, and FFmpeg ends the read of a stream;
-        choice. It is also the longest pause between two attempts to open a lost device.
-    opening_s: duration of the opening of a device after which another thread opens it [s]; choice: some cameras need
+    The median interval is the median of the intervals between the last settled_frames frames.
+    blocked_s: time after which a source is reported as blocked, because no read returns, or as frozen, because one
+        picture repeats [s]; choice. If all reads fail for this time, the source is reopened. `close` takes at most this
+        time.
+    hung_s: longest duration of a read [s]; choice. After this time, another thread opens the device, or the read of a
+        stream fails. It is also the longest pause between two attempts to open a lost device.
+    opening_s: time after which another thread opens a device whose opening has not ended [s]; choice: some cameras need
         ten seconds
-    stream_opening_s: duration of the opening of a stream after which it fails [s]; choice
+    stream_opening_s: longest duration of the opening of a stream, which then fails [s]; choice
     most_readers: largest number of reading threads, including threads that hang [1]; choice
-    slow_intervals: longest gap between pictures that is no fault, in usual intervals [1]; choice
-    settled_frames: number of frames for the usual interval [1]; choice. As many plausible device times in a row are
-        needed before device times are used.
+    slow_intervals: longest interval that is no fault, relative to the median interval [1]; choice
+    settled_frames: number of frames for the median interval [1]; choice. Device times are used after this number of
+        plausible device times in a row.
     stuck_frames: number of frames in a row without an increasing time after which arrival times are used [1]; source: a
-        fault is to be reported within 200 ms or three frames. The test for lost pictures uses as many frames.
-    clock_error_s: largest variation of the delay between a device's times and arrival times [s]; choice
-    uneven_s, uneven_share: arrival times do not determine exposure times if an interval differs from each multiple of
-        the usual interval by more than uneven_s [s] and by more than uneven_share usual intervals [1]; choice
-    even_s: time without uneven intervals, or without gaps, after which the fault ends [s]; choice
+        fault is to be reported within 200 ms or three frames. The test for lost pictures uses this number of intervals.
+    clock_error_s: largest variation of the arrival time minus the device time [s]; choice
+    uneven_s, uneven_share: largest deviation of an even interval from a multiple of the median interval, as a time [s]
+        and as a share of the median interval [1]; choice. The larger one applies. After an uneven interval, arrival
+        times do not determine exposure times.
+    even_s: time without uneven intervals, or without lost pictures, after which the fault ends [s]; choice
     remembered_frames: number of last frames whose least delay relates the device's clock to the monotonic clock [1];
         choice
-    backlog: largest number of waiting frames of a device if every frame is to be delivered [1]; choice
-    sharp_frames: number of equal parts of a film; the sharpest frame of each part is used for a calibration [1]; choice
+    backlog: largest number of frames of a device that wait if every frame is to be delivered [1]; choice
+    sharp_frames: number of frames of a film that a calibration uses [1]; choice. The film is divided into this number
+        of equal parts, and the sharpest frame of each part is used.
 
     Raises ValueError that names the invalid field.
     """

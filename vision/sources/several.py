@@ -17,16 +17,16 @@ from vision.sources.playback import Start
 from vision.sources.settings import DEFAULTS
 
 TOGETHER_S = 1e-3
-"""Largest difference between the exposure times of simultaneous pictures [s]; choice: cameras with a common trigger
-differ by less. A mark at 0.1 m/s moves by 0.1 mm in this time."""
+"""Largest difference between the exposure times of simultaneous pictures [s]; choice: with a common trigger, the
+difference is smaller. A mark at 0.1 m/s moves by 0.1 mm in this time."""
 
 JITTER_S = 5e-3
 """Tolerance of the predicted exposure time of a camera's next picture [s]; choice: the error of an exposure time that
 was computed from an arrival time."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for the next picture of another camera, and for its first picture [s]; choice. The first is less than a
-frame interval at 30 frames/s, the second is enough for cameras that open one after the other."""
+"""Longest wait for a camera's next picture, and for its first picture [s]; choice. The wait for the next picture is
+less than a frame interval at 30 frames/s. The wait for the first picture allows for cameras that open slowly."""
 
 POLL_S = 2e-3
 """Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
@@ -35,12 +35,10 @@ POLL_S = 2e-3
 class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras. Each picture is delivered at most once.
 
-    Pictures whose exposure times differ by at most `TOGETHER_S` are one exposure. A picture waits while another camera
-    is expected to deliver an earlier picture. An exposure is dropped if all its cameras have newer pictures. The next
-    exposure of these cameras is then delivered first, so that a slow caller gets pictures of every camera.
-    sources: source of each camera by name; clock, nap: the monotonic clock [s], and a function that pauses
-    State: pictures of each camera that were not delivered yet, with their arrival times [s]; the last exposure times
-    [s]; cameras whose last picture was dropped; number of pictures that this object dropped.
+    If the exposure times of pictures differ by at most `TOGETHER_S`, the pictures are delivered together. Pictures are
+    delivered in the order of their exposure. If a camera is late, its picture is awaited for a short time.
+    sources: source of each camera by name
+    clock, nap: the monotonic clock [s], and a function that pauses
     """
 
     def __init__(
@@ -93,7 +91,7 @@ class SeveralFrames(Closing):
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The next exposure that was not delivered yet; None at the end, or if none comes within timeout_s [s]."""
+        """The next pictures; None at the end, or if no picture comes within timeout_s [s]."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()
@@ -107,7 +105,7 @@ class SeveralFrames(Closing):
             self._nap(min(until - now, POLL_S))
 
     def _fetch(self) -> None:
-        """Fetch the newest picture of each camera. Only this call detects a camera's faults."""
+        """Fetch the newest picture of each camera."""
         for name, source in self.sources.items():
             try:
                 frame = source.next(0.0)
@@ -118,7 +116,7 @@ class SeveralFrames(Closing):
                 self._last_s[name] = frame.exposure_s
 
     def _first(self) -> Exposure | None:
-        """The next exposure to deliver; None if no picture waits, or another camera's earlier picture is expected."""
+        """The next pictures to deliver; None if there are none, or if a camera will deliver an earlier picture."""
         heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
         if not heads:
             return None
@@ -136,12 +134,12 @@ class SeveralFrames(Closing):
         return Exposure(first.exposure_s, images)
 
     def _drop(self, cameras: Iterable[str]) -> None:
-        """Note that one picture of each of these cameras was dropped."""
+        """Record that one picture of each camera was dropped. The next pictures of these cameras have priority."""
         self._skipped |= set(cameras)
         self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether a camera will probably soon deliver a picture with an exposure time before exposure_s [s]."""
+        """Whether a camera will probably soon deliver a picture that was exposed before exposure_s [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False

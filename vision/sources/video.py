@@ -22,7 +22,6 @@ class VideoWriter:
 
     codec: see `Codec`; MJPG needs a path that ends in .avi; quality: JPEG quality, 1 to 100
     If an exception is raised in the writer's `with` block, the file is deleted.
-    State: the open writer, the number of frames, whether the film has ended.
     """
 
     def __init__(
@@ -64,7 +63,7 @@ class VideoWriter:
         """Finish the film, then rename it to its final name; sync: whether to write it to the disk before renaming.
 
         If frames are missing, for example because the disk is full, the film is deleted, and SourceError is raised.
-        OpenCV does not report write errors. If this call is interrupted, it can be repeated.
+        If this call is interrupted, it can be repeated.
         """
         if self._ended:
             return

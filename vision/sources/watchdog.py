@@ -1,6 +1,6 @@
-"""Detection of a source's faults: blocked, frozen, failed or resumed; lost pictures; repeated values.
+"""Detection of a source's faults: missing, repeated and lost pictures.
 
-This module uses no threads and no clock.
+The caller states all times: this module uses no threads and no clock.
 """
 
 from __future__ import annotations
@@ -16,20 +16,18 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 DARK = 60
-"""Mean grey level of a picture below which cameras may use longer exposures, out of 255; choice."""
+"""Mean grey level, 0 to 255, below which a picture is dark; choice. In the dark, cameras may use longer exposures."""
 
 
 class SourceWatchdog:
     """Detects faults of a live source from the arrival times of its pictures.
 
-    A failed read is a fault. `check` also reports a fault if no read returned for too long, or if reads returned only
-    the same picture for too long. Too long is more than settings.blocked_s and more than settings.slow_intervals frame
-    intervals.
+    A failed read is a fault. `check` reports two other faults: no read returned within a time limit, or all reads
+    within the time limit returned the same picture. The time limit is the longer of settings.blocked_s and
+    settings.slow_intervals frame intervals.
 
-    may_repeat: whether pictures may repeat, like those of a film
-
-    State: times of the last returned read and of the last new picture [s]; the last intervals [s]; the picture's size;
-    the present fault or None; whether the picture repeats.
+    may_repeat: whether equal pictures in a row are no fault, as in a film
+    fault: the present fault, or None; new_s: time of the last new picture [s]
     """
 
     def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
@@ -64,7 +62,7 @@ class SourceWatchdog:
         return events
 
     def saw_repeat(self, now_s: float) -> None:
-        """Record a picture that equals an earlier one."""
+        """Record a picture that equals an earlier picture."""
         self._answer_s, self._repeats = now_s, True
 
     def saw_failure(self, now_s: float, why: str) -> list[SourceEvent]:
@@ -73,7 +71,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """The events at a time [s], if the source has been blocked or frozen for too long."""
+        """Test whether the source is blocked or frozen at the time now_s [s]; returns the events."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -91,18 +89,17 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""Number of last frames from which a new frame must differ: a hung driver may deliver its buffers in turn."""
+"""Number of last frames with which a new frame is compared: a hung driver may deliver several old frames in turn."""
 
 
 class FrozenValues:
-    """Detects frames that repeat one of the last `IN_TURN` frames: their values are equal to the last digit.
+    """Detects a source that repeats old frames.
 
-    Because of noise, new values almost never repeat. Some senders send each frame several times. The source is
-    therefore frozen only if the number of repeats in a row, plus one, exceeds the median number of repeats by at least
-    settings.stuck_frames. A frame without values is ignored.
+    A frame is a repeat if its values equal those of one of the last `IN_TURN` frames. New values contain noise, and
+    therefore almost never repeat. But some senders send each frame several times. The source is frozen if a frame is
+    repeated at least settings.stuck_frames - 1 times more often than the median frame.
 
     frozen: whether the source is frozen now
-    State: frozen; the last new frames; number of repeats of each frame; time of the newest frame [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -113,7 +110,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Whether the values of a frame, by name, repeat and must not be used; the events to report."""
+        """Test the values of a frame, by name. Returns whether they are a repeat, and the events."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -137,13 +134,10 @@ class FrozenValues:
 class SparsePictures:
     """Detects from exposure times that at least half of the pictures are lost.
 
-    The usual interval is the median of the last intervals. A gap is an interval of more than 1.5 usual intervals.
-    Pictures are sparse if the last n = `settings.stuck_frames` intervals together last at least 2 n usual intervals,
-    and at least two of them are gaps. An interval below half the usual interval shows that the reader was late, so that
-    pictures had to wait. The fault is reported once, and ends after `settings.even_s` without a gap.
-
-    State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s];
-    the intervals since pictures last waited [s]; time of the last gap [s], None if pictures are not sparse.
+    A gap is an interval of more than 1.5 median intervals. The fault begins if the last n = `settings.stuck_frames`
+    intervals together last at least 2 n median intervals, and at least two of them are gaps. The fault ends after
+    `settings.even_s` without a gap. An interval below half the median interval shows that pictures waited for a late
+    reader. Earlier intervals are then not tested.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:

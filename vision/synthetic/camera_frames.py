@@ -64,7 +64,8 @@ class SyntheticCamera:
     lamp_bgr: colour of the lamp, as a factor on the light of each channel
     slope: relative decrease of light from one border of the picture to the other along slope_deg
     slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
-    flicker: relative amplitude of the lamp's flicker, which is visible because rows are exposed one after the other
+    flicker: relative amplitude of the lamp's flicker. The camera exposes rows one after the other, so flicker varies
+        the light from row to row.
     flicker_period_px: number of rows in one period of the flicker [px]; flicker_phase: phase of the flicker [radians]
     highlight: mirror image of the lamp on marks; shadow: a soft shadow; None: not present
 

@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Area of a layer on uncovered pixels [px]; free: uncovered share of each pixel, (h, w), changed in place."""
+    """Visible area of a layer [px]. free: uncovered share of each pixel, (h, w), which the layer reduces in place."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))

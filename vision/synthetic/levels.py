@@ -44,7 +44,7 @@ def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> Synthetic
 
 
 def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A random camera with every effect of `SyntheticCamera`, with strengths in the range of webcams (a choice)."""
+    """A random camera with every effect of `SyntheticCamera`. Choice: the effects are as strong as in webcams."""
     lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
     balanced = float(rng.uniform(0.5, 1.0))
     gains = np.array(_cast(lamp, -balanced))

@@ -21,7 +21,7 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of horizontal chords in each row of pixels from which a disc's coverage is computed, with an error of 1e-3."""
+"""Number of lines in each row of pixels along which a disc's coverage is computed. The error is 1e-3."""
 BLUR_REACH = 4.0
 """Distance from an edge at which its blur ends [standard deviations of the blur]."""
 
@@ -32,7 +32,7 @@ class Disc:
 
     center_px: centre at mid-exposure [px], shape (2,)
     axes_px: semi-axes along u and v [px]
-    lean: shear, as for a disc seen obliquely: shift along u per pixel below the centre [1]
+    lean: shear of the disc: shift along u per pixel below the centre [1]
     hue_deg, saturation, value: colour of the disc
     smear_px: motion along u and v while the shutter is open [px]
     """
@@ -78,8 +78,8 @@ class Lighting:
     shot_noise_sd: standard deviation of the shot noise at level 255 [grey levels]
     grain_px: standard deviation of a Gaussian that smooths the noise [px]; 0 for white noise
     mark_strength: opacity of the marks: 1 for fresh marks, less for worn marks
-    wander_px: standard deviation, on each axis, of a random shift of each mark in each frame [px], for errors that are
-        not visible in the picture
+    wander_px: standard deviation, on each axis, of a random shift of each mark in each frame [px]. It models errors
+        that are not visible in the picture.
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -138,12 +138,11 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting with which detected marks have the error that the paper states, 4.14 mm.
+    """Lighting with which detected marks have the error of [paper], 4.14 mm, in films of MJPG quality 60.
 
-    Marks are 7 px wide, at 4.4 mm per pixel, in films of MJPG quality 60. The paper states only the error; every value
-    here is a choice. With so much error from sensor noise alone, at least one mark in twenty could not be recognised.
-    Most of the error is therefore a random shift of the marks: the paper's reference was marked manually. The scene of
-    the film must state this shift in calibration_sd_px.
+    Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error. Most
+    of the error is a random shift of the marks, because so much sensor noise would hide marks. The scene of the film
+    must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens

@@ -224,7 +224,7 @@ def _no_cover(time_s: float) -> list[Layer]:
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
     """Function from a time [s] to occluding layers. In some runs there is a moving needle, a moving hand, or both.
 
-    Each of them is aimed at the home position of a mark, because it would otherwise seldom cover a mark.
+    Needle and hand move about the home position of a mark, so that they often cover it.
     """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)

@@ -93,7 +93,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """Size of a pixel on the plane [m]: square root of its area there; center_m: point of the plane, (2,)."""
+        """Size of a pixel on the plane at the point center_m, (2,) [m]: square root of the pixel's area there."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]
@@ -153,7 +153,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
 
 
 def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
-    """Positions x and y on the plane, relative to the origin [m], of the box's sub-samples; each (n_rows, n_columns).
+    """Positions x and y of a box's sub-samples on the plane, relative to the origin [m], each (n_rows, n_columns).
 
     To save time, rays are traced only at Chebyshev nodes, then interpolated.
     """

@@ -31,8 +31,9 @@ class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
     center_px: centre of the mark [px], (2,)
-    score: similarity inside the mark minus the weighted similarity of the ring around the mark, from -1.5 to 1.5
-    share: share of similar pixels in the mark; around: similarity between the ring and the mark's colour, from -1 to 1
+    score: similarity inside the mark minus AppearanceSettings.ring_weight times `around`, from -1.5 to 1.5
+    share: share of similar pixels in the mark
+    around: similarity between the ring of pixels around the mark and the mark's colour, from -1 to 1
     color_bgr: median colour of the similar pixels [grey levels]
     weighed: score minus a loss for the distance from the mark's expected position
     """
@@ -80,7 +81,7 @@ class _View:
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The view transformed to a shape with a given inverse, (2, 2), up to `half` pixels from the mark's centre."""
+        """The view after the mark is transformed to another shape; inverse: inverse of this shape, (2, 2)."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -94,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of the mark; unseen: number of frames since the last stored view, which the caller increments
+    hue_deg: hue of the mark; unseen: number of frames since the last stored view (the caller increments it)
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -109,7 +110,7 @@ class AppearanceModel:
         return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
-        """Store the view of the mark in a frame, unless it extends beyond the picture."""
+        """Store the view of the mark in a frame, unless the view extends beyond the picture."""
         half = _half(outline, self._settings) + 2
         x, y = center_px.tolist()
         u, v = round(x), round(y)
@@ -131,8 +132,8 @@ class AppearanceModel:
     ) -> AppearanceMatch | None:
         """The best match of the mark's appearance near its expected position.
 
-        about_px, within_px: if given, only positions in a circle are compared: its centre [px], (2,), and its
-            radius [px]
+        about_px, within_px: centre [px], (2,), and half width [px] of a square. If given, only positions in the square
+            are compared.
         another: whether to fit the mark's colour at each position, for example after a change of light
 
         Returns None if the search range is too large, or if the mark cannot be distinguished from its background.
@@ -204,9 +205,9 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """For the positions in a box: results of `likeness`, and scores minus the loss for the distance from expectation.
+    """Results of `likeness` at the positions in a box, and the weighed scores (`AppearanceMatch.weighed`).
 
-    part, corner: part of the picture, and position of its first pixel; box: u0, v0, u1, v1 in the whole picture
+    part: part of the picture; corner: position of its first pixel; box: u0, v0, u1, v1 in the whole picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)

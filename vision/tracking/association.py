@@ -14,7 +14,7 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER
 
 SAME_CLASS_DEG = 1.0
-"""Largest difference between hues of one class, which allows for rounding in files [degrees]."""
+"""Largest difference between the hues of one kind of mark, which allows for rounding in files [degrees]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +36,11 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most probable pairs of mark and detection, in the order of `expected`. Marks without a pair are omitted.
+    """Assign detections to marks. Returns the pairs in the order of `expected`; marks without a detection are omitted.
 
-    In a pair, both have the same hue, and the squared Mahalanobis distance d² is at most `gate`. Of the assignments
-    with the most pairs, the one with the least sum of d² + log det S is chosen. S is the innovation covariance.
+    A detection may be assigned to a mark of the same hue if its squared Mahalanobis distance d² is at most `gate`. Of
+    the assignments with the most pairs, the most probable is chosen: it has the least sum of d² + log det S. S is the
+    innovation covariance.
     """
     if not detections or not expected:
         return []

@@ -1,4 +1,4 @@
-"""Detections from matches of an appearance model: tests of a match, its centre and its covariance."""
+"""Detections from matches of an appearance model: tests of a match, and the covariance of its centre."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
     """Whether a match of a mark's appearance model shows the mark.
 
-    color_distance: distance of the match's colour, as in `AdaptiveHue.distance`. Above 1, the match needs a higher
-        score.
+    color_distance: distance of the match's colour, as in `AdaptiveHue.distance`. If it exceeds 1, the match needs a
+        higher score.
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -29,9 +29,9 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark, as after a change of light; stricter limits than in `is_mark`.
+    """Whether a match with a fitted colour shows the mark. The limits are stricter than in `is_mark`.
 
-    color_distance: as in `is_mark`, for the fitted colour
+    color_distance: distance of the fitted colour, as in `AdaptiveHue.distance`
     """
     least = _least_score(settings.score + settings.other_margin, color_distance)
     if is_free(match, settings):
@@ -40,7 +40,7 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """Least score of a match [1]: `score`, multiplied by the square of color_distance if that exceeds 1."""
+    """Least score of a match [1]. If color_distance exceeds 1, it is score * color_distance ** 2."""
     return score * max(color_distance, 1.0) ** 2
 
 
@@ -59,7 +59,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour. If a rim is close, the mean of both centres is used.
+    """Detection of a mark at a match with a fitted colour. If a rim is near, the mean of both centres is used.
 
     frame_bgr: (height, width, 3) uint8
     """
@@ -86,7 +86,7 @@ def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: D
 
 
 def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """The detection, with its centre replaced by the weighted mean of its centre and a match's centre [px]."""
+    """Combine a detection with a match that agrees: the centre is the weighted mean of both centres [px]."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center_px = seen.center_px + gain @ (match.center_px - seen.center_px)

@@ -38,10 +38,10 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """Numbers of sampled pixels that have a mark's hue but lie outside the marks.
+    """Areas of objects in a mark's hue, as numbers of sampled pixels outside the marks.
 
-    of_late: numbers in the last frames; known: number of pixels of known objects
-    n_seen: number of frames; reported: number of pixels of new objects in the last report
+    of_late: areas in the last frames; known: area of known objects; reported: area of new objects in the last report
+    n_seen: number of frames
     """
 
     of_late: deque[float]
@@ -56,7 +56,6 @@ class DistractorWatch:
     To save time, only a few pixels per mark diameter are examined. Known objects are not reported: objects in the first
     frames, and objects that get a mark's colour because the colour range adapts. While a mark is missing, no object of
     its hue is reported, because the object may be the mark.
-    State: the colour ranges in the last frame; numbers of sampled pixels by nominal hue.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -123,7 +122,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether to report a new object; n, mark: numbers of sampled pixels outside marks, and in a mark."""
+        """Whether to report a new object. n: number of its sampled pixels; mark: number of sampled pixels in a mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -155,7 +154,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """For each hue, a mask of the connected sampled pixels of the hue: 1, else 0, (h, w) uint8."""
+    """For each hue, a mask (1 or 0) of the sampled pixels that have this hue and are connected, (h, w) uint8."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)

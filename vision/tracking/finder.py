@@ -25,8 +25,6 @@ class MarkFinder:
     picture.
     hues: colour range of each kind of mark; settings: settings of all stages
     explain: whether to record the reasons for missing marks in `lost`, and new distractors in `came`
-    State: adapted colours; appearance models; names of the marks missed in the last frame, None before the first frame.
-    With explain, also the search of the last frame, and the state of the detector of distractors.
 
     Raises HueError if two marks of one hue have different colour ranges. Raises ValueError for an unknown stage.
     """
@@ -54,7 +52,7 @@ class MarkFinder:
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
-        expected_after_impulse: function from a mark's name to its expected position if an impulse has moved the mark
+        expected_after_impulse: function that returns the expected position of a mark after an impulse, by its name
         """
         search = Search(
             frame_bgr,

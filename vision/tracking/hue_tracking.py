@@ -20,8 +20,6 @@ class AdaptiveHue:
     """The colour range of a kind of mark, adapted from frame to frame.
 
     now: the present colour range
-    State: now; the number of frames from which it was learned; the mean colour, as change of hue since the start
-    [degrees], saturation and log of value; the variances of hue and saturation.
     """
 
     def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:

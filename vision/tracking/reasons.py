@@ -33,9 +33,9 @@ class LostMark:
 class Rejections:
     """What the finder rejected in one frame.
 
-    pieces: rejected groups of connected pixels; detections: rejected detections with the reason
-    dropped: for each mark that was found and rejected later, by name: the reason, and its detection
-    flooded: the error if a hue covers most of the picture
+    pieces: rejected groups of connected pixels; detections: rejected detections, each with the reason
+    dropped: marks that were found and later rejected: reason and detection, by the mark's name
+    flooded: the error if a hue covers most of the picture; otherwise None
     """
 
     pieces: list[Rejected] = field(default_factory=list)
@@ -44,7 +44,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Record a rejected candidate. Without a reason nothing is recorded, because a later stage decides."""
+        """Record a rejected candidate. If the reason is None, nothing is recorded, because a later stage decides."""
         if reason is None:
             return
         if name is not None:
@@ -70,13 +70,13 @@ def lost_marks(
 ) -> tuple[LostMark, ...]:
     """The reason why each missing mark was not found.
 
-    found: detections of the other marks, by name; unassigned: detections that belong to no expected mark
+    found: detections of the found marks, by name; unassigned: detections that belong to no expected mark
     size_px: width and height of the picture
 
     If several reasons apply, the first in this list is returned. (1) A hue covers the picture. (2) The mark was found
-    but rejected later. (3) A large group of rejected pixels, a rejected detection or another mark lies within the gate.
-    (4) A detection of this hue lies beyond the gate. (5) The expected position is outside the picture. (6) The expected
-    area of the mark is below `BLOCK_AREA_PX`. (7) There are too few pixels.
+    but rejected later. (3) A large group of rejected pixels, a rejected detection or another mark lies within the gate
+    around the expected position. (4) A detection of this hue lies beyond the gate. (5) The expected position is outside
+    the picture. (6) The expected area of the mark is below `BLOCK_AREA_PX`. (7) There are too few pixels.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
@@ -134,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of pixels, which may be any part of a mark, from the mark's expected position."""
+    """Squared Mahalanobis distance of rejected pixels, which may be any part of a mark, from the expected position."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
@@ -142,6 +142,6 @@ def _piece_distance(one: Expected, piece: Rejected) -> float:
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Least number of rejected pixels that `lost_marks` calls large [px]."""
+    """Least number of pixels in a large group of rejected pixels, see `lost_marks` [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

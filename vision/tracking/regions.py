@@ -14,9 +14,10 @@ Box = tuple[int, int, int, int]
 def search_regions(
     expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings
 ) -> list[tuple[Box, list[Expected]]]:
-    """Regions of a picture in which marks are expected: left, top, width, height [px], and the marks of each region.
+    """Regions of a picture in which marks are expected, and the marks of each region.
 
-    All marks of a region have the same hue. Regions of one hue do not overlap.
+    A region is left, top, width, height [px]. All marks of a region have the same hue. Regions of one hue do not
+    overlap.
     """
     pad_px = settings.detection.coverage.pad_px + 4
     height, width = shape[:2]

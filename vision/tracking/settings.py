@@ -30,10 +30,10 @@ class AssociationSettings:
     """Settings of the association of detections with marks.
 
     gate: largest squared Mahalanobis distance of a detection from its mark's expected position [1]; source: chi-square,
-        2 dof, 99.99 %. The names of touching marks are certain if an exchange increases the sum of squared distances by
-        at least this.
-    impulse_gate: `gate` after an impulse, if there are more detections than missing marks [1];
-        source: chi-square, 2 dof, 99 %
+        2 dof, 99.99 %. If an exchange of the names of two touching marks increases the sum of their squared distances
+        by less than gate, the marks are rejected.
+    impulse_gate: largest squared Mahalanobis distance after an impulse has moved marks, if there are more detections
+        than missing marks [1]; source: chi-square, 2 dof, 99 %
     """
 
     gate: float = GATE
@@ -48,16 +48,16 @@ class AppearanceSettings:
     margin: distance from the outline within which pixels are ignored, relative to the mark's half axes [1]; choice
     ring_px: width of the ring of background pixels around a mark [px]; choice
     blur_px: standard deviation of the smoothing before the comparison [px]; choice
-    shade: largest rms difference, over the colour channels, that shadows and lamps cause between similar pixels,
-        relative to the colour [1]; choice
-    level: largest rms difference, over the colour channels, that noise causes between similar pixels [grey levels];
-        choice
+    shade: rms difference between similar pixels that a change of light may cause, relative to the colour [1]; choice
+    level: rms difference between similar pixels that noise may cause [grey levels]; choice
     ring_contrast: factor on the squared distance between a ring pixel's colour and a fitted colour [1]; choice
-    occluded_cost: loss for a pixel in the mark that is similar neither to the mark nor to its background [1]; choice
-    ring_weight: weight of the ring's similarity to the mark, which is subtracted from the score [1]; choice
-    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position, for the stored colour
-        and for a fitted colour [1]; choice
-    max_reach_px: largest search range of a search by appearance [px]; choice
+    occluded_cost: loss of score for a pixel in the mark that resembles neither the mark nor its background [1]; choice.
+        The loss for a pixel that resembles the background is 1.
+    ring_weight: factor on the similarity between ring and mark, which is subtracted from the score [1]; choice
+    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position [1]; choice. If the
+        mark's colour is fitted, other_prior applies.
+    max_reach_px: largest distance from the expected position to be searched [px]; choice. If more is necessary, the
+        mark is not searched by its appearance.
     """
 
     n_views: int = 5
@@ -80,20 +80,23 @@ class AppearanceSettings:
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """Settings of matches of an appearance model: which are accepted, and how accurate their centres are.
+    """Settings for matches: limits of similarity, and accuracy of the centre.
 
-    The ring is a ring of pixels around the match, which usually shows background.
+    A match is the position at which the picture is most similar to a mark's appearance. The ring consists of the pixels
+    around the mark, which usually show background.
     score: least score of a match [1]; choice
-    share: least share of the mark's pixels that are similar [1]; choice
+    share: least share of similar pixels in the mark [1]; choice
     free: similarity between ring and mark below which the ring is certainly background [1]; choice
-    free_share: value in place of `share` if the ring is certainly background [1]; choice
-    other_margin: if the colour was fitted, the least score is larger by this, and the largest similarity between ring
-        and mark is minus this [1]; choice
+    free_share: least share of similar pixels in the mark if the ring is certainly background [1]; choice
+    other_margin: margin of the limits for a fitted colour [1]; choice. The least score is larger by this margin. The
+        similarity between ring and mark must be at most minus this margin.
     min_sd_px, max_sd_px: least and largest standard deviation of a match's centre [px]; choice
-    best_score: score at and above which this standard deviation is min_sd_px [1]; choice
-    growth: exponential growth of this standard deviation per unit of score below best_score [1]; choice
-    rim_gain: if a centre is the mean of match and rim, added standard deviation per distance of the two [1]; choice
-    shared: variance of the mean of detection and match, relative to the variance for independent errors [1]; choice
+    best_score: least score at which the standard deviation of the centre is min_sd_px [1]; choice
+    growth: increase of the logarithm of the centre's standard deviation per unit of score below best_score [1]; choice
+    rim_gain: added standard deviation of the mean of a match's centre and a rim's centre, relative to their distance
+        [1]; choice
+    shared: factor on the covariance of the mean of a detection and a match, because their errors are correlated [1];
+        choice
     """
 
     score: float = 0.55
@@ -115,12 +118,11 @@ class TemplateSettings:
 
     clear_sd_px: largest standard deviation of the centre of a detection that needs no comparison [px]; choice
     whole_sd_px: largest standard deviation of the centre of a detection whose view is stored [px]; choice
-    unknown_sd_px: if no position matches the model, largest standard deviation of the centre of a detection that is
-        accepted all the same [px]; choice
-    refresh: number of frames after which a new view replaces the oldest one [1]; choice
+    unknown_sd_px: largest standard deviation of the centre of a detection that is accepted without a match [px]; choice
+    refresh: number of frames after which a new view replaces the oldest view [1]; choice
     forget: number of frames without a new view after which a model is deleted [1]; choice
-    near_px: largest distance between the centres of a detection and a match that agree [px]; choice
-    plain_score: if a match close to a detection has this score, no other positions are compared [1]; choice
+    near_px: largest distance between the centres of a detection and of a match that agree [px]; choice
+    plain_score: least score of a match near a detection after which no other positions are compared [1]; choice
     """
 
     clear_sd_px: float = 0.15
@@ -140,10 +142,10 @@ class HueTrackingSettings:
     max_drift: largest drift of the hue since the start, relative to the half width of the colour range [1]; choice
     hue_sd_deg: least standard deviation of the hue of marks of one kind [degrees]; choice
     saturation_sd: least standard deviation of the saturation of marks of one kind [1]; choice
-    max_scatter: largest learned standard deviation, relative to hue_sd_deg or saturation_sd [1]; choice
-    n_learned: number of frames from which a colour must be learned before it rejects other colours [1]; choice
+    max_scatter: largest learned standard deviations, relative to hue_sd_deg and saturation_sd [1]; choice
+    n_learned: number of frames with the mark before detections of another colour are rejected [1]; choice
     gate: largest squared Mahalanobis distance of hue and saturation [1]; source: chi-square, 2 dof, 99.9 %
-    learning: settings of the first colour range; its `paler` and `darker` also determine later limits
+    learning: settings of the first colour range; `paler` and `darker` also apply to the adapted colour range
     """
 
     gain: float = 0.05
@@ -162,14 +164,13 @@ class DistractorSettings:
 
     spacing: distance between sampled pixels, relative to the radius of the smallest mark [1]; choice
     most_samples: largest number of sampled pixels in a frame [1]; choice: sampling takes 0.1 ms
-    around: distance from a mark's centre within which pixels may show its blur or reflection, relative to the mark's
-        radius [1]; choice
+    around: distance from a mark's centre within which pixels are ignored, relative to the mark's radius [1]; choice
     stands: number of successive frames that must show a new object [1]; source: a fault is to be reported within three
         frames
-    settled_frames: number of frames at the start whose objects are not new [1]; choice
-    least: least area of new objects of one hue, relative to the area of a mark [1]; choice
-    grows: least ratio of the area of new objects to their area in the last report [1]; choice
-    wavers: least ratio of the area of new objects to the area of known objects [1]; choice
+    settled_frames: number of frames at the start [1]; choice. Objects in these frames are known, not new.
+    least: least area of new objects of one hue for a report, relative to the area of a mark [1]; choice
+    grows: least area of new objects for another report, relative to their area in the last report [1]; choice
+    wavers: least area of new objects for a report, relative to the area of known objects [1]; choice
     """
 
     spacing: float = 0.5

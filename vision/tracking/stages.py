@@ -29,7 +29,7 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""If the search regions cover a larger share of the picture, the whole picture is searched, which is as fast [1]."""
+"""Share of the picture [1]. If the search regions cover more, the whole picture is searched, which is as fast."""
 
 
 @dataclass(slots=True, eq=False)
@@ -70,7 +70,7 @@ class Search:
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
-        """As `AdaptiveHue.distance`, for the detection's kind of mark."""
+        """Distance of a detection's colour from the colour of its kind of mark, see `AdaptiveHue.distance`."""
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
@@ -83,9 +83,9 @@ class Search:
 class Candidate:
     """A detection that may be a mark.
 
-    detection: the detection; None: the mark `name`, which was found before, is rejected
-    name: name of the mark; None: association decides which mark it is
-    match: the match of an appearance model from which the detection was made, if any
+    detection: the detection; None: an earlier detection of the mark `name` is rejected
+    name: name of the mark; None: the name is found by association
+    match: match of the appearance model, if the detection was made from a match
     margin: increase of the sum of squared Mahalanobis distances if the mark exchanges names with a touching mark
     """
 
@@ -109,7 +109,7 @@ class Stage:
     reason: Reason | None = None
 
     def run(self, search: Search) -> None:
-        """Add accepted candidates to `search.found`. A rejected candidate with a name removes its mark from there."""
+        """Add accepted candidates to `search.found`. If a candidate with a name is rejected, its mark is removed."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
@@ -164,7 +164,7 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
-    """If a mark is missing, detections in the whole picture; all marks are then assigned again.
+    """Detections in the whole picture, if a mark is missing. All marks are then assigned again.
 
     Raises HueError if a hue covers most of the first picture.
     """
@@ -222,7 +222,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 
 
 def _checked(search: Search) -> Iterator[Candidate]:
-    """Uncertain found marks after a comparison with their appearance models; new views are stored in these models."""
+    """Compare uncertain detections of found marks with the marks' appearance models, and store new views."""
     frame, templates = search.frame_bgr, search.templates
     where = search.where
     unclear = []
@@ -245,7 +245,7 @@ def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> boo
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
-    """Missing marks at positions where the picture matches their appearance models."""
+    """Detections of missing marks at the best matches of their appearance models."""
     for one in search.missing:
         match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
         if match is not None:
@@ -261,7 +261,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Missing marks where the picture matches a model of any mark of their hue, with a fitted colour."""
+    """Detections of missing marks at matches with a fitted colour. Models of all marks of the hue are tried."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -271,7 +271,7 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """As `Search.is_apart`."""
+    """Whether a detection is not near a found mark (`Search.is_apart`)."""
     return search.is_apart(seen)
 
 
@@ -310,7 +310,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the name of a mark that touches another mark is certain. A missing mark is better than a wrong name."""
+    """Whether the name of a mark that touches another mark is certain."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -338,7 +338,7 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of marks, empty if a mark is too small for outlines; least and largest area of a component [px]."""
+    """Outlines of the marks, or no outlines if a mark is too small; least and largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None

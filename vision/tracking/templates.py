@@ -25,7 +25,7 @@ from vision.tracking.settings import FINDER, FinderSettings
 class AppearanceTemplates:
     """Appearance models, by name, of marks with a uniform colour and a known outline.
 
-    State: a model for each mark of which a view was stored in the last `TemplateSettings.forget` frames.
+    A model is deleted `TemplateSettings.forget` frames after its last stored view.
     """
 
     def __init__(self, settings: FinderSettings = FINDER) -> None:
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count the end of a frame. Delete each model without a new view for `TemplateSettings.forget` frames."""
+        """End a frame. Delete each model without a new view for `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -68,12 +68,12 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """Compare a detection with the mark's appearance model.
+        """Compare a detection with the mark's appearance model, whose best match in the picture is searched.
 
-        Returns the detection if the model confirms it. Returns the mean of detection and best match if they agree.
-        Returns the best match if the mark is more similar to it. Returns None if the mark is similar to neither.
+        If detection and match agree, returns their weighted mean. If they do not agree, returns the one that resembles
+        the mark more, or None if neither resembles the mark.
         frame_bgr: (height, width, 3) uint8
-        color_distance: as `AdaptiveHue.distance`
+        color_distance: function such as `AdaptiveHue.distance`
         """
         quick = self._checked_near(frame_bgr, one, seen)
         if quick is not None:
@@ -114,7 +114,7 @@ class AppearanceTemplates:
     def match(
         self, frame_bgr: Image, one: Expected, about_px: Floats | None = None, within_px: float | None = None
     ) -> AppearanceMatch | None:
-        """The best match of a mark's appearance model, as from `AppearanceModel.place`; None without a model."""
+        """The best match of the mark's appearance model, see `AppearanceModel.place`; None without a model."""
         model = self._known.get(one.name)
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
@@ -125,7 +125,7 @@ class AppearanceTemplates:
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """The detection if it is confirmed without a search of the surroundings; otherwise None."""
+        """The detection, improved by a match at its position; None if it must be compared with other positions."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
@@ -135,7 +135,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """Score of the mark's appearance model at a detection, for any expected position of the mark."""
+        """Score of the mark's appearance model at the position of a detection."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score
