@@ -80,7 +80,7 @@ def record(
     seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this time [s].")] = None,
     fps: Fps = None,
     recover: Annotated[
-        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces to a film.")
+        Path | None, typer.Option("--recover", help="Folder of a killed recording, whose pieces are joined to a film.")
     ] = None,
     force: Force = False,
 ) -> Answer:
@@ -115,7 +115,7 @@ def hue(
     frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
     scene: Annotated[
-        Path | None, typer.Option("--scene", help="Without --at: scene whose hue keys are tested.")
+        Path | None, typer.Option("--scene", help="Without --at: scene whose hue keys select the pixels.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
     film: Annotated[

@@ -29,7 +29,7 @@ def export(
         str | None,
         typer.Option(
             "--start",
-            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded time since 1970.",
+            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded times count from 1970.",
         ),
     ] = None,
     scene: SceneFile = None,
@@ -76,7 +76,7 @@ def import_table(
         Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
     ] = None,
     least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Positions with a lower likelihood are omitted.")
+        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of the positions to use.")
     ] = 0.6,
     sd_px: Annotated[
         float,
