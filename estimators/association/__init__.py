@@ -1,6 +1,6 @@
 """Association of interchangeable marks, with one filter for each hypothesis about their names.
 
-Decisions over several frames belong here.
+Code that decides over several frames belongs here.
 """
 
 from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap

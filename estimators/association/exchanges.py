@@ -1,7 +1,7 @@
 """Names of interchangeable marks: cost of each assignment in a frame, and plausible exchanges of names.
 
-A mark has the name of a node, but may be on another node. `Names` state where the marks are: mark j has the name of
-interchangeable node j, and entry j is the index of the node that really bears this mark.
+A mark has the name of a node, but may be on another node. In `Names`, entry j is the index of the node that really
+bears the mark with the name of node j.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Names = tuple[int, ...]
 class InterchangeableMarks:
     """Groups of nodes whose marks are interchangeable. Names are never exchanged between groups.
 
-    nodes: all nodes in groups of two or more; own: `Names` for the case that each mark is on the node of its name
+    nodes: all nodes in groups of two or more; own: `Names` that put each mark on the node of its name
     """
 
     def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
@@ -41,7 +41,7 @@ class InterchangeableMarks:
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
         """Cost (n, n) of the assumption that node i bears mark j: -log of the predicted density of the mark's position.
 
-        A column is 0 if its mark is absent. If `starting`, the density is that of the prior.
+        If a mark is absent, its column is 0. If `starting`, the prior gives the density.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
@@ -57,7 +57,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Alternatives to `names`, the most probable first, each with its number of exchanges.
+        """Plausible alternatives to `names`, the most probable first, each with its number of exchanges of names.
 
         worst: largest additional cost of an alternative in this frame; most: largest number of alternatives
         """
@@ -85,7 +85,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """`names`, expressed with the new names of the marks: mark i is now called new[i], and stays on node names[i]."""
+    """`names` after the marks are renamed: the mark with index i gets index new[i], and stays on node names[i]."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]
@@ -93,7 +93,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks with the nodes to which `names` maps their names; marks of other nodes stay as they are."""
+    """The marks after their nodes are renamed: a node that is a key of `names` becomes the value of this key."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

@@ -58,22 +58,21 @@ Hypotheses = dict[Names, Hypothesis]
 class AssociationFilter:
     """Filter for interchangeable marks. It adopts other names of the marks if these are decisively more probable.
 
-    The names are the state of a hidden Markov model. In each frame, every exchange of two names that the frame does not
-    exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same names,
-    the more probable path is kept (Viterbi's algorithm). The probability of an alternative is the product of its marks'
-    likelihoods and of the prior odds of each exchange. A clearly worse alternative is dropped. If an alternative is
-    clearly better and its status is TRACKING, its names and its filter replace the present ones.
+    The names are the state of a hidden Markov model. In each frame, every plausible exchange of two names becomes an
+    alternative, which is a copy of the filter with the exchanged names. If two alternatives have the same names, the
+    more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of the likelihoods
+    of its marks and of the prior odds of its exchanges. Improbable alternatives are dropped. If an alternative is much
+    more probable than the present names and its status is TRACKING, it replaces the present names and filter.
 
-    At a start, after a divergence, and when marks are rejected, any names may be right. Then several filters restart,
-    each with one of the assignments of names that best fit the rest shape. Since the tissue may be turned or displaced,
-    this fit changes the log odds by at most `settings.decisive`. One more filter restarts with the present names. An
-    alternative must also be better than this filter, because a restart alone may make marks more probable: it enlarges
-    the covariance.
+    At the start, after a divergence, and when marks are rejected, several filters restart, each with names that fit the
+    rest shape well. Since the tissue may be displaced, this fit changes the log odds by at most `settings.decisive`. A
+    restart alone may make marks more probable, because it enlarges the covariance. Therefore another filter restarts
+    with the present names, and an alternative must also be more probable than this filter.
 
     tissue: the filter; predict it first, then call `update` here
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
-    State: node_of, node of each mark that is not on the node of its name; alternatives; same_names, the filter that
-    restarted with the present names; swaps, the corrected exchanges; time of the next restart, and pause after it.
+    State: node_of, map from names of marks to the nodes that bear them, empty before a correction; alternatives;
+    same_names, the filter that restarted with the present names; swaps, the corrected exchanges; times of restarts.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """The tracker's marks, each assigned to the node that presently bears it."""
+        """The tracker's marks, each with the name of the node that really bears it."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -111,7 +110,7 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with the marks of a frame at the filter's time; `named` must have assigned them to nodes.
+        """Update with the marks of a frame at the filter's time; marks: result of `named`.
 
         Raises ValueError and CovarianceError as the filter does.
         """
@@ -158,7 +157,7 @@ class AssociationFilter:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """The alternative with other names; n_changes: number of exchanges of two names. The state is unchanged."""
+        """The alternative with other names but the same state; n_changes: number of exchanges of two names."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
@@ -190,7 +189,7 @@ class AssociationFilter:
     def _follow(
         self, hypotheses: Hypotheses, alternative: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
     ) -> None:
-        """Update an alternative with this frame, and add the exchanges that are plausible in its state."""
+        """Update an alternative with this frame, and add alternatives with further plausible exchanges of names."""
         predicted = self._predicted(alternative, time_s)
         if predicted is None:
             return
@@ -206,7 +205,7 @@ class AssociationFilter:
     def _predicted(
         self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """The alternative, predicted to a later time [s], after a call of `then`; None if its filter fails."""
+        """Predict the alternative to a later time [s], then call `then`; returns None if the filter fails."""
         self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
@@ -216,11 +215,7 @@ class AssociationFilter:
         return replace(alternative, state=self.tissue.snapshot())
 
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The alternative, updated with the marks under its names; None if its filter fails.
-
-        The result is also None if these marks are clearly too improbable. This saves time: with wrong names the body
-        bends, and an update takes a hundred times longer.
-        """
+        """Update the alternative; returns None if the filter fails or if the marks are too improbable."""
         self.tissue.restore(alternative.state)
         seen = renamed(marks, self.interchangeable.by_node(alternative.names))
         try:

@@ -30,9 +30,9 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target that the noise of one step causes k steps after this step; k is the first index.
+        Covariance of the target k steps after noise of one step, for each source at variance 1; k is the first index.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target [m/N] k steps after the start of a step with a unit force; k is the first index.
+        Shift of the target k steps after the start of a step with a unit force [m/N]; k is the first index.
     """
 
     cycle_s: float
@@ -86,10 +86,10 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """Probability (n_times,) of each case until each time, and moments of the target under this case.
+        """Probabilities of two or three cases until each time, (n_times,), and moments of the target in each case.
 
-        First case: no short force acts, and no slow force becomes stronger than now. Second case, only for a network:
-        no force drags a node (state "led"). The last case has no condition.
+        In the first case, no short force acts and no slow force becomes stronger. In the second case, which only a
+        network has, no force drags a node. The last case has no condition.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short
@@ -100,7 +100,7 @@ class AheadTables:
         return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
-        """Times of the tables [s], (n_times,); the first is the filter's time. ValueError before the first frame."""
+        """Times of the tables [s], (n_times,), from the filter's time on. Raises ValueError before the first frame."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Discrepancy: random field of displacements that the model does not explain; estimate of its standard deviation."""
+"""Discrepancy, which is the displacement that the model leaves out, and estimate of its standard deviation."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
 """`Discrepancy.levels` and `Discrepancy.least` for a continuum, whose strains are small [1]; choice."""
 
 JITTER = 1e-6
-"""Variance added at fixed places, relative to the field's variance [1]; numerical."""
+"""Variance added at fixed nodes, relative to the field's variance [1]; numerical."""
 
 
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
     """Columns L (n, r), with r at most `rank`, such that L L' approximates a covariance (n, n).
 
-    least: smallest variance of a column, relative to the largest variance
+    least: smallest eigenvalue that is used, relative to the largest eigenvalue
     """
     values, vectors = np.linalg.eigh(cov)
     kept = np.flatnonzero(values > least * values[-1])[::-1][:rank]
@@ -35,29 +35,30 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: sum of a field with long and a field with short correlation length; 0 at fixed nodes.
+    """Prior of the displacement that the model leaves out: the sum of a long-range and a short-range random field.
 
     Attributes
     ----------
     levels : tuple of float
-        Possible standard deviations of the long field, relative to the body's extent [1]; choice. Their prior
-        probabilities are equal.
+        Possible standard deviations of the long-range field, relative to the body's extent [1]; choice. All are
+        equally probable.
     noises : tuple of (float, float)
-        Possible factors on the stated standard deviation of marks, at least 1, with prior probabilities [1]; choice.
+        Pairs of a possible factor on the stated standard deviation of all marks, and its prior probability [1];
+        choice.
     short : float
-        Standard deviation of the short field, relative to the long field's [1]; choice.
+        Ratio of the standard deviations of the short-range and the long-range field [1]; choice.
     lengths : tuple of float
-        Correlation lengths of the two fields, relative to the body's extent [1]; choice.
+        Correlation lengths of the long-range and short-range field, relative to the body's extent [1]; choice.
     lasting_s : float
-        Correlation time of the discrepancy [s]; choice.
+        Correlation time of both fields [s]; choice.
     memory_s : float
-        Time constant with which the evidence for a level is forgotten [s]; choice.
+        Time constant with which earlier frames lose weight in the estimate of the standard deviation [s]; choice.
     weight : float
-        Weight of the evidence of one frame [1]; choice. A weight below 1 allows for correlated frames.
+        Factor on the log likelihood of each frame [1]; choice. A factor below 1 allows for correlated frames.
     rank : int
-        Largest number of basis functions of the field for each axis; numerical.
+        Largest number of basis functions of the displacement on each axis; numerical.
     least : float
-        Smallest variance of a basis function, relative to the largest [1]; numerical.
+        Smallest variance of a basis function, relative to the largest variance [1]; numerical.
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -72,12 +73,16 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Make the prior, with only the settings' level if they state one; solid: whether the body is a continuum."""
+        """Make the prior from the settings of the filter; solid: whether the body is a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Basis functions [m], (n, r), at places (n, dim), for level 1, and the variance that they omit [m²], (n,)."""
+        """Basis functions of the displacement at n places [m], (n, r), and the variance that they leave out [m²], (n,).
+
+        places: positions of free nodes [m], (n, dim); held: fixed nodes, where the displacement is zero [m], (any, dim)
+        Both results are for level 1, at which the standard deviation of the displacement is the body's extent.
+        """
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -95,13 +100,13 @@ class Discrepancy:
 
 
 class LevelPosterior:
-    """Posterior of the discrepancy's level and of the factor on the marks' noise.
+    """Posterior of the discrepancy's standard deviation (its level) and of a factor on the noise of the marks.
 
-    Each mark is predicted from other marks, as the target is. The joint likelihood of all marks is not used: it hardly
-    depends on such predictions, and favours levels that are too small.
+    Levels are weighted by the likelihoods of the marks, each predicted from other marks. The joint likelihood of all
+    marks would favour levels that are too small.
 
     State: log_weights, log probability of each pair of level and noise factor, (n,); log_withheld, sum of the log
-    likelihoods of the last frame's marks, each given the marks outside its group (`WithheldGroups`).
+    likelihoods of the last frame's marks, each predicted from other marks.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -114,12 +119,12 @@ class LevelPosterior:
 
     @property
     def level(self) -> float:
-        """Root mean square of the level under the posterior [1]."""
+        """Estimated standard deviation of the discrepancy, relative to the body's extent [1]."""
         return self._rms(self.levels)
 
     @property
     def noise(self) -> float:
-        """Root mean square, under the posterior, of the factor on the marks' stated standard deviation [1]."""
+        """Estimated factor on the stated standard deviation of the marks [1]."""
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
@@ -127,7 +132,7 @@ class LevelPosterior:
         return float(np.sqrt(weights @ values**2 / weights.sum()))
 
     def forget(self, dt: float) -> None:
-        """Reduce the weight of the earlier evidence after a time step dt [s]."""
+        """Reduce the weight of earlier frames after a time step dt [s]."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
@@ -139,12 +144,13 @@ class LevelPosterior:
         Parameters
         ----------
         innovation, S : (m,), (m, m)
-            Innovation of all observations and its covariance, at the present level and noise factor.
-        fresh, R : (m, m)
-            Covariance of the part of the discrepancy that is new in this frame, at level 1. Covariance of the marks'
-            own noise, at the present noise factor.
+            Innovation of all observations and its covariance, at the estimated level and noise factor.
+        fresh : (m, m)
+            Covariance that the discrepancy has gained since the last frame, at level 1.
+        R : (m, m)
+            Covariance of the noise of the marks, at the estimated noise factor.
         groups : sequence of (k, dim) int
-            One group for each mark, as `WithheldGroups` returns it. Without groups nothing changes.
+            Result of a `WithheldGroups`. If it is empty, nothing changes.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -161,22 +167,21 @@ class LevelPosterior:
 
 @dataclass(frozen=True, slots=True)
 class WithheldGroups:
-    """Groups of marks that are withheld together when one of them is predicted from the other marks.
+    """Marks that are left out together when a mark is predicted from the other marks.
 
-    Two marks are withheld together if their distance is below the smallest distance between a mark and the target.
-    So no mark is predicted from marks that are nearer to it than any mark is to the target.
+    Each mark is predicted only from marks that are not nearer to it than the nearest mark is to the target.
 
     Attributes
     ----------
     near : mapping of str to tuple of str
-        For each marked node, the other marked nodes near it.
+        For each marked node, the marked nodes that are too near to predict it.
     """
 
     near: Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
-        """Make the groups for these marked nodes of a network and this target."""
+        """Make the groups for the marked nodes of a network and for a target."""
         places = {name: network.positions[network.index(name)] for name in marked}
         nodes = [network.positions[network.index(name)] for name in point.nodes]
         where = np.average(nodes, axis=0, weights=point.weights)
@@ -191,7 +196,7 @@ class WithheldGroups:
         )
 
     def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        """One group for each mark, (k, dim): rows of the mark, then rows of the marks that are withheld with it."""
+        """Array (k, dim) for each mark: its rows in the innovation, then the rows of marks too near to predict it."""
         rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
         return [
             np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])

@@ -11,43 +11,42 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Strengths of a continuum's slow forces, relative to the strength of a poke [1], and their correlation time [s];
-choice. With the greater strength, the load of a continuum changes faster."""
+"""Strengths of the slow forces on a continuum, relative to the strength of a poke [1], and correlation time of these
+slow forces [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """Prior of the unknown forces, as accelerations.
+    """Prior of the unknown forces, stated as accelerations.
 
-    Short forces act on each marked node independently. Their state is calm, poked (brief pushes) or led (a node is
-    dragged for longer). Slow forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration.
-    Short forces and slow forces each have a Markov chain of states; a mode is a pair of such states. A continuum has
-    only slow forces. For a stiff body, all strengths except calm_m_s2 and white are multiplied by `raised`.
+    Short forces push single marked nodes. Their Markov chain has the states calm, poked (a brief push) and led (a node
+    is dragged for longer). Slow forces, such as breathing, push the whole body, and have a Markov chain of strengths.
+    A mode is a pair of a short and a slow state. A continuum has only slow forces.
 
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
-        Standard deviation of a short force in each state [m/s²]; choice.
+        Standard deviation of a short force in the states calm, poked and led [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Standard deviation of a slow force in each state [m/s²], increasing; choice.
+        Standard deviation of a slow force in each of its states, in increasing order [m/s²]; choice.
     white : float
-        Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
+        Density of the white acceleration noise of each free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times of short and slow forces [s]; choice.
     smooth_s : float
-        Time over which a slow force of a continuum is smooth [s]; choice.
+        Rise time constant of a slow force on a continuum [s]; choice.
     calm_s, poked_s, led_s : float
-        Mean duration of each state of the short forces [s]; choice.
+        Mean duration of the states calm, poked and led [s]; choice.
     led_each_s : float
-        Mean time until the next change to the state led [s]; choice.
+        Mean time in the states calm and poked until the state led begins [s]; choice.
     rise_s, fall_s : float
-        Mean time until a slow force changes to a stronger state, and to a weaker state [s]; choice.
+        Mean time until a slow force changes to a given stronger state, and to a given weaker state [s]; choice.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
     n_poked : int
-        Number of nodes that a poke pushes at most; with more marked nodes, each is pushed less; choice.
+        Largest number of marked nodes for which pokes have their full strength; choice.
     n_marked : int
         Number of marked nodes; `TissueProcess` sets it.
     bent : float
@@ -76,14 +75,14 @@ class Disturbances:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
-        """Make the prior with the pokes of the settings; solid: whether the body is a continuum."""
+        """Make the prior from the settings of the filter; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
         return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths that adapts them to a stiff body [1].
+        """Factor on the strengths of pokes, dragging and slow forces, for a body of a given stiffness [1].
 
         returning_m_s2: acceleration that the body's stiffness causes at a displacement as large as the body [m/s²]
         least: smallest factor
@@ -91,7 +90,7 @@ class Disturbances:
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths in each mode: white noise, short, led and slow forces; raised: result of the method `raised`."""
+        """For each mode, strengths of white noise, short forces, forces on draggable nodes, and slow forces."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -100,11 +99,11 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force; for a network, the state of this mode is poked."""
+        """Index of the mode with the strongest slow force and, for a network, with pokes."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strength of each source in the strongest mode [m/s²], by the name of the source."""
+        """Strength of each source of forces in the mode `strongest_mode` [m/s²], by the name of the source."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
@@ -115,12 +114,12 @@ class Disturbances:
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
-        """Whether the state of the short forces is calm in each mode, (n_modes,)."""
+        """Whether the short forces are calm in each mode, (n_modes,)."""
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Transition rates between the modes [1/s], (n_modes, n_modes); modes with the same slow state are adjacent."""
+        """Transition rates between the modes [1/s], (n_modes, n_modes). Modes are sorted by their slow state."""
         short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s

@@ -1,4 +1,4 @@
-"""The filter: an interacting multiple model with one Gaussian for each mode and an iterated update."""
+"""Interacting multiple model filter, with one Gaussian for each mode and an iterated update."""
 
 from __future__ import annotations
 
@@ -28,18 +28,17 @@ from estimators.core.moments import Move, Predicted, Prior, mixed, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
-"""Name of the part of a state whose variance is the square of the discrepancy's level."""
+"""Name of the states of the discrepancy, which is the displacement that the model leaves out."""
 
 LEAST_SHARE = 1e-3
-"""Smallest share with which a mode is mixed into another mode [1]; choice: smaller shares would only widen the other
-mode towards states that the marks contradict."""
+"""Smallest weight of a mode in the mixture of another mode [1]; choice. Smaller weights are replaced by zero."""
 
 REBORN = 0.05
-"""A mode is omitted until the next prediction if its probability, divided by the probability of a change into this
-mode, is below this [1]; choice."""
+"""If the probability of a mode, divided by the probability of a change into this mode, is below this number, the mode
+is omitted until the next prediction [1]; choice."""
 
 LINEARISATIONS = 10
-"""Largest number of linearisations of transition and observation in a frame; numerical: a rotating cable needs many."""
+"""Largest number of linearisations in a frame; numerical. A rotating cable needs many."""
 
 LEAST_STEP = 0.125
 """Smallest share of a Gauss-Newton step that is tried [1]; numerical."""
@@ -48,8 +47,8 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""Shape of the gamma prior of a factor on the rates of onsets, which are changes to a later mode [1], and
-time constant with which past onsets are forgotten [s]; choice."""
+"""Shape of the gamma prior of a factor on the rates of onsets, which are changes to a mode with a higher index [1].
+Time constant with which past onsets are forgotten [s]. Choice."""
 
 STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -61,37 +60,37 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    All hypotheses use one linearisation of the transition, about their common mean. If the observations contradict this
-    mean, the transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988] for the
-    hypotheses, [garciafernandez2017] for the iteration.
+    All hypotheses use one linearisation of the transition, about their common mean. If its error is too large, the
+    transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988] for the hypotheses,
+    [garciafernandez2017] for the iteration.
 
     Parameters
     ----------
     process : ProcessModel
     level : LevelPosterior, optional
-        Posterior of the discrepancy's level. Default: the level is 1.
+        Estimator of the standard deviation of the discrepancy, which is the error of the model. Default: it is 1.
     groups : callable, optional
-        Called with the names and rows of the blocks of all observations. For each name it returns the rows of the
-        blocks that are withheld together, (k, dim), as `WithheldGroups` does. Default: each block is withheld alone.
+        Returns the blocks of the observations that `level` leaves out together, like `WithheldGroups`. Default: each
+        block is left out alone.
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
-        Indices of states that are not estimated but whose errors count: Schmidt-Kalman filter [schmidt1966].
+        Indices of the states that are considered but not estimated (Schmidt-Kalman filter, [schmidt1966]).
 
     Attributes
     ----------
     means, covs, weights : (k, n), (k, n, n), (k,)
-        The hypotheses. After an update, a hypothesis with weight 0 has covariance 0.
+        Mean, covariance and weight of each hypothesis. If the weight is 0 after an update, the covariance is 0.
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Expected number of past changes to a later mode, given each mode; the number that the prior rates predict.
+        Expected number of past onsets for each hypothesis, and number of onsets that the prior rates predict.
     outlying : (n_names,) bool
         Whether each of the last observations is an outlier in the most probable hypothesis.
     found : Innovations or None
         Innovations of the last update.
     trace : list of Move, or None
-        If it is a list, each prediction is appended, with its last linearisation.
+        List to which each prediction is appended. If it is None, predictions are not recorded.
     """
 
     def __init__(
@@ -153,12 +152,12 @@ class HypothesisFilter:
 
     @property
     def variances(self) -> Floats:
-        """Variance of each source of noise in each mode at the present level, (n_modes, n_sources)."""
+        """Variance of each source of noise in each mode, (n_modes, n_sources)."""
         return self.process.variances(self._level)
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes). Rates to later modes include an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes). Rates above the diagonal include an estimated factor."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -175,7 +174,7 @@ class HypothesisFilter:
         return mixed(self.weights[live], self.means[live] @ rows.T, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of the mixture with these weights (n_modes,) in place of its own weights."""
+        """Mean (n,) and covariance (n, n) of the mixture of all hypotheses with given weights (n_modes,)."""
         return mixed(weights, self.means, self.covs)
 
     def predict(self, dt: float, kick: Floats | None = None) -> None:
@@ -282,11 +281,10 @@ class HypothesisFilter:
         return float(found.nis.min())
 
     def _fitted(self, observations: Sequence[Observation]) -> Innovations:
-        """Innovations with the transition linearised about the previous state that best fits prior and observations.
+        """Innovations after the transition is linearised about the smoothed previous state.
 
-        Gauss-Newton steps find that state for the most probable hypothesis. A step that does not improve the fit is
-        halved. The error of the last linearisation counts as process noise: in each part of the state, the variance of
-        this noise is the mean square of the error.
+        Gauss-Newton steps find this state for the most probable hypothesis. The remaining linearisation error counts as
+        process noise. In each part of the state, the variance of this noise is the mean square of the error.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -296,7 +294,7 @@ class HypothesisFilter:
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
-            """Twice the negative log posterior of the state `start`, up to a constant; inf if `end` is infinite."""
+            """Twice the negative log posterior of the previous state `start`, up to a constant."""
             if not np.isfinite(end).all():
                 return np.inf
             y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))
@@ -337,7 +335,7 @@ class HypothesisFilter:
         return bool(np.all((np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())) | is_out))
 
     def _weigh_levels(self, level: LevelPosterior, observations: Sequence[Observation], found: Innovations) -> None:
-        """Update the probabilities of levels with the innovations of the most probable hypothesis."""
+        """Update `level` with the innovations of the most probable hypothesis."""
         best = int(np.argmax(found.logs))
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
         names, blocks = named(observations)

@@ -17,7 +17,7 @@ from estimators.core.protocols import Observation
 from estimators.filters.unscented import CovarianceError
 
 FAR = 1e4
-"""Variance of an outlier, relative to the square of `Outliers.reach_m` [1]; numerical."""
+"""Variance that `far_m2` assigns to an outlier, relative to the square of `Outliers.reach_m` [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ class Innovations:
     nis, logs : (k,)
         Normalised innovation squared, and logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Whether the coordinates of each name (a mark) are an outlier. An outlier has innovation 0 and a large variance.
+        Whether each named mark is an outlier. An outlier has innovation 0 and a large variance.
     overall : (m,), (m, m)
         Mean and covariance of the innovation over all hypotheses, before outliers are removed.
     """
@@ -74,7 +74,7 @@ def together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
 
 
 def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
-    """Names of all blocks, and the rows of each block in the concatenated values."""
+    """Names of all blocks, and rows of each block in the concatenated values of all observations."""
     names: list[str] = []
     blocks: list[slice] = []
     start = 0
@@ -102,20 +102,20 @@ def inverse_roots(S: Floats) -> Floats:
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """One group for each name, so that each named block is withheld alone."""
+    """For each named block, a group that contains only the rows of this block, (1, k)."""
     return [np.arange(block.start, block.stop)[None] for block in blocks]
 
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Prior of an outlier: its position has a uniform density over a region.
+    """Prior of outliers, whose positions are uniformly distributed over a region.
 
     Attributes
     ----------
     names : collection of str
-        Names that may be outliers.
+        Names of the marks that may be outliers.
     odds : float
-        Prior odds of an outlier, for each name [1].
+        Prior odds that a mark is an outlier [1].
     reach_m : float
         Extent of the region in each coordinate [m].
     """
@@ -125,7 +125,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of (odds * density) of each block as an outlier, (n_blocks,); -inf for names that are never outliers."""
+        """Log of (prior odds * outlier density) of each block, (n_blocks,); -inf if it cannot be an outlier."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)
@@ -134,14 +134,14 @@ class Outliers:
 
     @property
     def far_m2(self) -> float:
-        """Variance that the innovation of an outlier gets [m²]."""
+        """Variance that replaces the innovation variance of an outlier [m²]."""
         return FAR * self.reach_m**2
 
 
 def solved(
     found: tuple[Floats, ...], weights: Floats, observations: Sequence[Observation], outliers: Outliers | None
 ) -> Innovations:
-    """Compute the innovations without outliers; raises CovarianceError.
+    """Innovations after the removal of outliers. Raises CovarianceError.
 
     found: innovations y (k, m), their covariances S (k, m, m), H (1 or k, m, n), H P (k, m, n); weights: (k,)
     """

@@ -1,4 +1,4 @@
-"""Compiled loops of the filter: covariances after a transition, likelihoods of withheld marks, removal of outliers.
+"""Compiled loops of the filter: covariances after a transition, cross-validation of marks, removal of outliers.
 
 Kernels that call each other are in one file, because numba's disk cache ignores changes in other files.
 """
@@ -21,7 +21,7 @@ def mirror(A):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved (n, n). T has the block `rows` (r, c) at the top left; `fading` is its diagonal below."""
+    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left, and `fading` (n,) on the diagonal below."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
@@ -35,12 +35,12 @@ def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def mixed_rows(modes, shares, left, apart, covs, variances, noises, upper):  # type: ignore[no-untyped-def]
-    """Product H P, (k, m, n), with the covariance P of each of k modes, which is a mixture of l Gaussians plus noise.
+    """Product H P, (k, m, n), for each of k modes. P is the covariance of a mixture of l Gaussians, plus noise.
 
-    modes (any,): modes to compute, the others are zero; shares (l, k): share of each Gaussian in each mode
+    modes (any,): modes to compute; the product is zero for other modes; shares (l, k): weights of the Gaussians
     covs (l, m, n): H times the covariance of each Gaussian
-    apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(share); left (l, k, m): H times apart
-    variances (k, n_sources): of the noise; noises (n_sources, any, any): H times the covariance at unit variance
+    apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(weight); left (l, k, m): H times apart
+    variances (k, n_sources): noise variances; noises (n_sources, any, any): H times the noise covariance at variance 1
     upper: whether to compute only the upper triangle of each product, which is square
     """
     n_mixed, m, n = covs.shape
@@ -80,13 +80,13 @@ def _whitened(A, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """Sum of the marks' log likelihoods, each given the rows outside the mark's group, for k covariances S, (k,).
+    """Sum of the log likelihoods of all marks, each predicted from other marks, for k innovation covariances S, (k,).
 
-    With W = S^-1, the rows outside a group g predict y_g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
-    With W_gg = L L' and the mark's rows last, the last block of L gives the mark's error and covariance.
+    Each mark has a group g, which contains the mark and the marks that do not predict it. With W = S^-1, the rows
+    outside g predict y_g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
     roots (k, m, m): inverses of the lower Cholesky factors of S
-    rows (any,): rows of all groups, group by group; each group begins with the mark's rows
-    ends (n_groups,): end of each group in `rows`; own (n_groups,): number of rows of the mark
+    rows (any,): rows of all groups, group by group; each group begins with the rows of its mark
+    ends (n_groups,): end of each group in `rows`; own (n_groups,): number of rows of its mark
     """
     totals = np.zeros(len(roots))
     for k in range(len(roots)):
@@ -109,9 +109,9 @@ def without_outliers(y, S, roots, ends, logs, far):  # type: ignore[no-untyped-d
     roots (k, m, m): inverses of the lower Cholesky factors of S
     ends (n_blocks,): end of each block's rows; logs (n_blocks,): log density of each block as an outlier
 
-    The block with the largest gain is removed, and so on until no gain is positive. The gain is the log of a block's
-    density as an outlier, minus the log of its density given the other blocks. With W = S^-1, the other blocks predict
-    block g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
+    Each pass removes the block with the largest gain, until no gain is positive. The gain is the log density of a block
+    as an outlier, minus its log density given the other blocks. With W = S^-1, the other blocks predict block g with
+    the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
     """
     n_blocks = len(ends)
     out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))

@@ -1,4 +1,4 @@
-"""Observations of positions of body points: marks, fixes of the target, reference marks."""
+"""Observation of positions of points of the body, such as marks and the target."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Places:
     marks : sequence of MarkMeasurement
         One or more.
     maps : mapping of str to (dim, n)
-        Map from the state to the position of each point.
+        Matrix that maps the state to the position of a point, by the name of the point.
     calibration : slice, optional
-        States of the marks' shared errors, if these errors are constant. Default: shared errors are new in each frame.
+        Indices of the states of the marks' shared errors. Default: errors of different frames are independent.
     noise : float
         Factor on the stated standard deviation of each mark's own noise [1].
 
@@ -55,7 +55,7 @@ class Places:
 
 
 def _shared(marks: Sequence[MarkMeasurement]) -> Floats:
-    """Displacement of the marks due to each shared error, (m, n_shared); zero for marks without shared errors."""
+    """Shift of all marks per standard deviation of each shared error, (m, n_shared)."""
     dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
     columns = np.zeros((len(marks) * dim, n))
     for k, mark in enumerate(marks):

@@ -14,7 +14,7 @@ from estimators.core.protocols import Transition
 
 
 def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) of a mixture of k Gaussians with weights (k,), means (k, n) and covariances."""
+    """Mean (n,) and covariance (n, n) of a mixture of k Gaussians: weights (k,), means (k, n), covs (k, n, n)."""
     mean = weights @ means
     apart = means - mean
     cov = weights @ np.reshape(covs, (len(weights), -1))
@@ -50,11 +50,11 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Hypotheses before a transition over dt [s] to k modes.
+    """Hypotheses before a transition, and their weights in the mixture of each of the k modes after the transition.
 
     means (l, n), covs (n, n) each, weights (l,): the l hypotheses with positive weight
-    shares (l, k): share of each hypothesis in each mode after the transition
-    chain (k, k): probability of each mode after it, given the mode before it; kick (n,): shift by a known force
+    shares (l, k): weight of each hypothesis in the mixture of each mode
+    chain (k, k): transition probabilities; dt: time step [s]; kick (n,): shift of the state by a known force
     """
 
     means: Floats
@@ -66,19 +66,19 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability of a change from any other mode into each mode, (k,); weights (k,): mode probabilities before."""
+        """Probability that each mode is entered from another mode, (k,); weights (k,): mode probabilities before."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
-        """Mean of the hypotheses mixed into a mode, (n,)."""
+        """Mean of the mixture of hypotheses for a mode, (n,)."""
         return np.asarray(self.shares[:, mode] @ self.means)
 
     def cov(self, mode: int) -> Floats:
-        """Covariance of the hypotheses mixed into a mode, (n, n)."""
+        """Covariance of the mixture of hypotheses for a mode, (n, n)."""
         return self.times(mode, np.eye(self.means.shape[1]))
 
     def times(self, mode: int, columns: Floats) -> Floats:
-        """Product of `cov` of a mode with columns, (n,) or (n, any)."""
+        """Product of the covariance `cov(mode)` with `columns`, (n,) or (n, any)."""
         shares, apart = self.shares[:, mode], self.means - self.mean(mode)
         found = (apart.T * shares) @ (apart @ columns)
         for share, P in zip(shares, self.covs, strict=True):
@@ -89,11 +89,11 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Covariances of k modes after a transition, computed on demand. Each is a mixture of l Gaussians plus noise.
+    """Covariances of k modes after a transition, computed on demand.
 
-    shares (l, k), apart (l, k, n): see `mixed_rows`; covs (l, n, n): covariances of the Gaussians
-    variances (k, n_sources), noises (n_sources, m, m): see `ProcessModel` and `Transition`
-    added (k, n): variance of further noise in each state, independent between states
+    shares (l, k), apart (l, k, n), covs (l, n, n), variances (k, n_sources), noises (n_sources, m, m): as in
+    `mixed_rows`, with the unit matrix for H
+    added (k, n): variance of additional noise in each state; it is independent between states
     """
 
     shares: Floats
@@ -105,7 +105,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances after a transition; means (l, n): moved means of the Gaussians; added (n,): further variances."""
+        """Covariances after a transition. means (l, n): predicted means; added (n,): variance of additional noise."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)

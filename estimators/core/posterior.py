@@ -29,11 +29,10 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the prior covariance that gives the search region of a node's first mark, because the body may be
-displaced [1]; choice."""
+"""Factor on the prior covariance of a node, for the search region of the node's first mark [1]; choice."""
 
 POSSIBLE = 1e-3
-"""Least probability of a mode for which search regions of marks are large enough [1]; choice."""
+"""Modes with a smaller probability are ignored in the search regions of marks [1]; choice."""
 
 
 class TissuePosterior:
@@ -46,11 +45,11 @@ class TissuePosterior:
     health : Health
     filter : HypothesisFilter
     rejected, repairs : Counter
-        Number of outliers for each node; number of restarts for each reason.
+        Number of rejected marks for each node, and number of restarts for each reason.
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Displacement of the free nodes by a known force that the modes of a continuum omit [m]; 0 for a network.
+        Static displacement by a known force that no vibration mode represents [m]; 0 without a continuum.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class TissuePosterior:
         )
 
     def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """Coordinates [m], (n,), of the drawn shape, moved rigidly to the marks if they determine the motion."""
+        """Coordinates of the drawn body [m], (n,), moved rigidly to the marks if the marks determine a rigid motion."""
         drawn = self.network.positions
         places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
         measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]
@@ -127,7 +126,7 @@ class TissuePosterior:
 
     @property
     def positions(self) -> Floats:
-        """Mean positions of all nodes [m], (n_nodes, dim), without the discrepancy."""
+        """Mean positions of all nodes of the model [m], (n_nodes, dim)."""
         own = self.filter.mean[self.process.parts["position"]]
         places = self.process.at(own) + self.residual_m
         return all_positions(self.network, places.reshape(-1, self.network.dim))
@@ -147,11 +146,11 @@ class TissuePosterior:
 
     @property
     def may_be_led(self) -> bool:
-        """Whether an outside force may drag the body at any time: always in space, in a plane only with `led_nodes`."""
+        """Whether an external force may drag the body: always in space, in a plane if settings name `led_nodes`."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
-        """Matrix (dim, n) of the affine map from the state to a point's position; `constant_of` is the constant."""
+        """Matrix A (dim, n) of a point's position A @ state + b. The method `constant_of` returns b."""
         rows = self.process.places(point.matrix)
         offset = self.process.parts.get("offset")
         if offset is not None and point is self.target:
@@ -159,18 +158,18 @@ class TissuePosterior:
         return rows
 
     def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
-        """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue."""
+        """Mean [m], (dim,), and covariance [m²], (dim, dim), of the position of a point of the tissue."""
         mean, cov = self.filter.moments(self.rows_of(point))
         own = 0.0 if point is self.target else point.point.sd_m
         left_out = point.matrix * np.repeat(self.process.left_out_m2, len(mean)) @ point.matrix.T
         return mean + self.constant_of(point), cov + self.level.level**2 * left_out + own**2 * np.eye(len(mean))
 
     def constant_of(self, point: TargetMap) -> Floats:
-        """Constant of the affine map from the state to a point's position [m], (dim,)."""
+        """Constant b [m], (dim,), of a point's position A @ state + b. The method `rows_of` returns A."""
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of a target covariance (dim, dim) without the part due to the error of the target's offset [m²]."""
+        """Trace of the target's covariance `cov` (dim, dim), minus the variance of the target's offset [m²]."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property
@@ -209,7 +208,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """One observation of all marks, of which there is at least one. Their noise includes the estimated factor."""
+        """Observation of one or more marks. Its noise covariance includes the estimated factor on the noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
@@ -230,9 +229,9 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
-        """Relative increase of the target's variance if a node's mark were not used, for each mark that is no outlier.
+        """For the node of each inlier, relative increase of the target's variance if this mark were not used.
 
-        The most probable hypothesis gives the increase. variance: trace of the target's covariance [m²]
+        variance: trace of the target's covariance [m²]
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
@@ -244,10 +243,9 @@ class TissuePosterior:
         return {mark.node: share for mark, share, is_out in zip(marks, shares, out, strict=True) if not is_out}
 
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """Centre of the search region for a free node's mark [m], (dim,), and its covariance [m²], (dim, dim).
+        """Search region for the mark of a free node: centre [m], (dim,), and covariance [m²], (dim, dim).
 
-        The region is that of the most uncertain mode among those with a probability of at least `POSSIBLE`.
-        shared: displacement of the mark by calibration errors, as in `MarkMeasurement`; None: these errors are ignored
+        shared: shift of the mark by calibration errors, as in `MarkMeasurement`; None: no shift
         """
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:
@@ -267,9 +265,9 @@ class TissuePosterior:
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """Search region, with centre and covariance as from `expected`, if an impulse hit the node after its last mark.
+        """Search region from `expected`, enlarged by the distance that an impulse may have moved the node.
 
-        Before the first marks and after a divergence, the node may be anywhere within the extent of the network.
+        Before the first marks and after a divergence, this distance is the extent of the body.
         """
         mean, cov = self.expected(node, shared)
         if self.seen_s is None or self.time_s is None or self.health.status is Status.DIVERGED:
@@ -286,7 +284,7 @@ class TissuePosterior:
         return self.rest[self.network.index(node)].copy(), BESIDE * cov
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
-        """Results of `expected` for several free nodes: centres [m], (n, dim), and covariances [m²], (n, dim, dim)."""
+        """Search regions for the marks of n free nodes: centres [m], (n, dim), and covariances [m²], (n, dim, dim)."""
         dim, possible = self.network.dim, self._possible
         rows = np.vstack([self._maps[node] for node in nodes])
         each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)

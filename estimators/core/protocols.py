@@ -43,16 +43,16 @@ class ProcessModel(Protocol):
     Attributes
     ----------
     parts : mapping of str to slice
-        Parts of the state by name. If the filter has a `LevelPosterior`, one part is named `discrepancy`.
+        Indices of each part of the state, by its name. If the filter has a `LevelPosterior`, one part is `discrepancy`.
     rates : (n_modes, n_modes)
         Transition rates between the modes [1/s]; rows sum to zero.
     tolerance : (n,)
-        Largest accepted linearisation error of each state; if it is exceeded, the filter linearises again.
+        Largest accepted linearisation error of each state. If it is exceeded, the filter linearises again.
     """
 
     @property
     def parts(self) -> Mapping[str, slice]:
-        """Parts of the state by name."""
+        """Indices of each part of the state, by its name."""
 
     @property
     def rates(self) -> Floats:
@@ -65,13 +65,13 @@ class ProcessModel(Protocol):
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance in each mode (n_modes, n, n) before any observation.
 
-        level: level of the discrepancy
+        level: standard deviation of the discrepancy, which is the error of the model [1]
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources): `Transition.noises`, then `independent`.
+        """Variance of each source of noise in each mode, (n_modes, n_sources). `Transition` gives the order of sources.
 
-        level: level of the discrepancy
+        level: standard deviation of the discrepancy, which is the error of the model [1]
         """
 
     def moved(self, state: Floats, dt: float) -> Floats:
@@ -93,14 +93,14 @@ class Observation(Protocol):
     Attributes
     ----------
     names : sequence of str
-        Name of each block, such as the node of a mark; unique among all observations of a time.
+        Name of each block, such as the node of a mark; unique among the observations of a frame.
     value : (m,)
         Observed value, in any unit.
     cov : (m, m)
-        Covariance of the value's error, positive definite; errors of different observations are independent. An
-        optional attribute `noise_cov` is the part of cov whose level the filter estimates; default: cov.
+        Covariance of the value's error, positive definite. Errors of different observations are independent. The
+        filter estimates a factor on the noise. If only a part of cov is noise, `noise_cov` states this part.
     blocks : sequence of slice
-        Rows of each named block.
+        Rows of each named block in the value.
     """
 
     @property
@@ -117,7 +117,7 @@ class Observation(Protocol):
 
     @property
     def blocks(self) -> Sequence[slice]:
-        """Rows of each named block."""
+        """Rows of each named block in the value."""
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted value (m,) at a state (n,), and its derivative (m, n)."""

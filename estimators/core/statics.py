@@ -1,4 +1,4 @@
-"""Constant errors as states: errors of model constants, calibration, target fixes, and the target's offset."""
+"""States for constant errors, such as calibration errors and errors of the model's constants."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Statics:
     n_calibration : int
         Number of independent calibration errors of the cameras; considered, not estimated.
     fix_bias : FixBias, optional
-        Common error of all fixes of the target; estimated.
+        Common error of all fixes (direct measurements) of the target; estimated.
     offset_sd_m : float
         Standard deviation of the error of the target's offset on each axis [m]; estimated.
     """
@@ -57,7 +57,7 @@ class StaticStates:
     sd : (n,)
         Standard deviation of each state before any observation.
     considered : (n,) bool
-        Whether a state is considered: its error counts, but no observation corrects it (Schmidt-Kalman filter).
+        Whether a state increases covariances but is not estimated, as in a Schmidt-Kalman filter.
     """
 
     def __init__(self, statics: Statics, dim: int) -> None:

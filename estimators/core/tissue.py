@@ -1,4 +1,4 @@
-"""Process model of a tissue: motion under unknown forces, discrepancy of displacements, constant errors."""
+"""Process model of a tissue: motion under unknown forces, displacement that the motion leaves out, constant errors."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ DISPLACED = 0.1
 """Largest prior standard deviation of the nodes' displacements, relative to the body's extent [1]; choice."""
 
 START_SHARE = 0.001
-"""Prior standard deviation of each node's independent displacement, in extents of the body [1]; choice. The node's
-independent speed has the same value in extents per second."""
+"""Prior standard deviation of each node's independent displacement, relative to the body's extent [1]; choice. The
+number also is the standard deviation of each node's independent speed, in extents per second."""
 
 
 class TissueProcess:
-    """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
+    """Process model of a network under unknown forces.
 
-    State: position, velocity, force, discrepancy, constant errors. A force is the acceleration of a marked node, or the
-    coefficient of a basis function of the slow force field. The discrepancy has one coefficient for each basis function
-    of its field [1]. `places` maps the state to the position of a point, including the discrepancy.
+    The state contains positions, velocities, forces, the discrepancy and constant errors. Short forces are stated as
+    accelerations of marked nodes, slow forces as coefficients of a smooth field. The discrepancy is the displacement
+    that the motion leaves out. It is stated as coefficients of basis functions [1].
 
     Parameters
     ----------
     network : MassSpringNetwork
-        A network without anchors has no weight, because its support is not known. A continuum moves in its modes.
+        If it has no anchors, gravity is ignored, because the support is not known.
     marked : sequence of str
-        Free nodes on which short forces may act.
+        Free nodes on which short forces may act, see `Disturbances`.
     led : sequence of str
-        Marked nodes that an outside force may drag at any time.
+        Marked nodes that an external force, such as a gripper's, may drag at any time.
     disturbances, discrepancy
         Priors of the unknown forces and of the discrepancy.
     statics : Statics, optional
@@ -53,7 +53,7 @@ class TissueProcess:
     elements : sequence of ForceElement
         Elements in addition to the network's springs, resistance and weight.
     sigma_points : bool
-        Whether sigma points, not derivatives, linearise the motion; not possible with `elements`.
+        Whether sigma points linearise the motion, in place of derivatives. Not possible with `elements`.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class TissueProcess:
         return self.motion.span
 
     def _prior_of_motion(self) -> Floats:
-        """Prior covariance of position and velocity: a body at rest, then `PUSHED_S` of the strongest mode's forces."""
+        """Prior covariance of position and velocity, after a body at rest was pushed by forces for `PUSHED_S`."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
@@ -125,7 +125,7 @@ class TissueProcess:
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
-        """Write the prior of forces and discrepancy into cov (n, n); variances (n_sources,): of the noise sources."""
+        """Write the prior of forces and discrepancy into cov (n, n), from variances of the sources (n_sources,)."""
         strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
         cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
@@ -140,20 +140,23 @@ class TissueProcess:
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
-        """Map from the state to a free node's position [m], (dim, n)."""
+        """Matrix (dim, n) that maps the state to the position of a free node [m]."""
         matrix = np.zeros((self.network.dim, len(self.network.free) * self.network.dim))
         matrix[:, self.network.coordinates(name)] = np.eye(self.network.dim)
         return self.places(matrix)
 
     def places(self, matrix: Floats) -> Floats:
-        """Matrix (dim, n) from the state to a point [m]; matrix: from the free coordinates to it, (dim, n_free dim)."""
+        """Matrix (dim, n) that maps the state to the position of a point [m].
+
+        matrix: maps the positions of the free nodes to the position of the point, (dim, n_free dim)
+        """
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance in each mode (n_modes, n, n) at the start. The mean is the drawn shape at rest."""
+        """Prior mean (n,), which is the drawn shape at rest, and prior covariance in each mode (n_modes, n, n)."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
@@ -173,8 +176,8 @@ class TissueProcess:
     def variances(self, level: float) -> Floats:
         """Variance of each source of noise in each mode, (n_modes, n_sources).
 
-        The unit is (m/s²)²/Hz for white noise and (m/s²)² for forces. The discrepancy has the variance level², and
-        constant errors have the variance 1.
+        The unit is (m/s²)²/Hz for white noise and (m/s²)² for forces.
+        level: standard deviation of the discrepancy, relative to the body's extent [1]
         """
         rows = [(*strengths, level, 1.0) for strengths in self.disturbances.by_mode(self.motion.raised)]
         return np.square(rows)
@@ -194,7 +197,10 @@ class TissueProcess:
         return found
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
-        """Linearise the transition over dt [s] about a state (n,); `cov` is called only for sigma points."""
+        """Linearise the transition over dt [s] about a state (n,).
+
+        cov: returns the covariance of the state, (n, n). It is called only if sigma points linearise the motion.
+        """
         found = self._along(state, dt)
         by, m = self._by_points, self.parts["velocity"].stop
         if cov is None or by is None:

@@ -1,4 +1,4 @@
-"""Filter that estimates the target of a tissue from marks: start, outliers, health, prediction."""
+"""Filter that estimates a hidden target in a tissue from marks on the tissue."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.5
-"""If all n marks were outliers for this time divided by n [s], the filter restarts; choice."""
+"""If all n marks are outliers for this time divided by n, the filter restarts [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
 """Longest step of `predict_at` and similar methods, and longest step under a known force [s]; numerical."""
@@ -44,14 +44,15 @@ FIX = "fix"
 
 STATE = ["health", "rejected", "repairs", "log_likelihood", "residual_m"]
 STATE += ["_refuted_s", "_far_fix", "_seen_s", "_updated_s", "_placed"]
-"""Attributes of `TissueFilter` that its steps change, besides the hypotheses and the open loop."""
+"""Attributes of `TissueFilter` that a snapshot copies, in addition to the hypotheses and the open-loop covariance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
     """Complete state of a `TissueFilter` at one time.
 
-    own: attributes in `STATE`; filter: state of the hypotheses, or None for the prior
+    own: values of the attributes that the list `STATE` names
+    filter: state of the `HypothesisFilter`; None stands for its prior
     open_loop_cov: covariance of the open-loop estimate, (n, n)
     """
 
@@ -61,7 +62,7 @@ class FilterSnapshot:
     open_loop_cov: Floats
 
     def without_marks(self) -> FilterSnapshot:
-        """Copy of the snapshot in which no mark has been used yet."""
+        """Copy of the snapshot in which the hypotheses and the health are those before the first marks."""
         fresh = {"health": Health(), "_refuted_s": -np.inf, "_far_fix": None, "_placed": None}
         return replace(self, own={**self.own, **fresh}, filter=None)
 
@@ -69,29 +70,27 @@ class FilterSnapshot:
 class TissueFilter(TissuePosterior):
     """Filter that estimates a hidden target from marks on the tissue.
 
-    All bodies use the same filter; only the strengths of the unknown forces depend on the body's stiffness and size.
-
     Parameters
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        Name of a node whose place in the body is exactly known, or a point with the standard deviation `sd_m`.
+        Name of a node, or a point of the tissue. Only a point may have an error of its place in the body (`sd_m`).
     marked : sequence of str
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
-        Uncertainty of the model's constants; considered, not estimated. None: the constants are exact.
+        Uncertainty of the model's constants. It increases the covariance of the state. Default: exact constants.
     n_calibration : int
-        Number of constant calibration errors, which are the columns of `MarkMeasurement.shared`. If 0, all shared
-        errors are new in each frame.
+        Number of constant calibration errors, which are the columns of `MarkMeasurement.shared`. If 0, the shared
+        errors of different frames are independent.
     disturbances, discrepancy
-        Priors of the unknown forces and of the model's error; default: those of the settings.
+        Priors of the unknown forces and of the model's error. Default: priors made from `settings`.
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
-        """Restart in the last or in the drawn shape; keep the target's offset unless the filter diverged.
+        """Restart with the nodes at their last estimated positions or, if `as_drawn`, at their drawn positions.
 
-        marks: the drawn shape of a body without anchors is first moved rigidly to these marks
+        marks: a body without anchors is moved rigidly from its drawn positions to these marks
         """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
@@ -122,7 +121,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Yield the estimate of each frame (time [s], marks), in order; advance: called with the completed share."""
+        """Yield the estimate of each frame (time [s], marks); `advance` is called with the share of frames done."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -131,7 +130,7 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Predict the state at an exposure time [s]; raises ValueError for an earlier or infinite time.
+        """Predict the state at an exposure time [s]. Raises ValueError for an infinite time or one before the state.
 
         push: known force on the tissue, such as the force of a needle
         """
@@ -141,7 +140,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at a time [s]. If the gap is too long, reset the state instead, and return True."""
+        """Predict the state at a time [s]. If this step exceeds `forget_s`, reset the state and return True."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -174,7 +173,7 @@ class TissueFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """Context manager: run in one thread, and restore the present state at the end."""
+        """Context manager that saves the state at the start and restores it at the end."""
         now = self.snapshot()
         try:
             with one_blas_thread():
@@ -183,16 +182,16 @@ class TissueFilter(TissuePosterior):
             self.restore(now)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """Predict the target at a later time [s], such as the arrival of a needle, from all marks until now.
+        """Predict the target at a later time [s]. The state of the filter does not change.
 
-        push: known force. The state does not change. Raises ValueError before the first frame and for invalid times.
+        push: known force on the tissue. Raises ValueError before the first frame, and for an earlier or infinite time.
         """
         with self._unchanged():
             self._ahead(time_s, push)
             return self._estimate(time_s, 0, None)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
-        """As `predict_at`, but return a Gaussian for each mode at that time."""
+        """Predict the target like `predict_at`, as a mixture with one Gaussian for each mode of the unknown forces."""
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own, live = self.rows_of(self.target), self.filter, np.flatnonzero(self.filter.weights)
@@ -219,7 +218,7 @@ class TissueFilter(TissuePosterior):
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Update with any number of marks at the state's time, and estimate the target.
 
-        Raises ValueError for a mark that is not on a marked node or has another dimension. Raises CovarianceError if
+        Raises ValueError before the first `predict`, and for marks that `check` rejects. Raises CovarianceError if
         the updated state is not finite.
         """
         if self.time_s is None:
@@ -246,14 +245,14 @@ class TissueFilter(TissuePosterior):
         return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
-        """Number of measured coordinates of the marks, along the principal axes of their covariances."""
+        """Number of coordinates that the marks measure. A mark of a single camera in space measures no depth."""
         variances = np.linalg.eigvalsh(np.reshape([mark.cov for mark in marks], (-1, *[self.network.dim] * 2)))
         return int((variances < (UNMEASURED * self.process.extent_m) ** 2).sum())
 
     def _taken(
         self, marks: Sequence[MarkMeasurement], *, starting: bool
     ) -> tuple[list[MarkMeasurement], float | None, CommonShift | None]:
-        """Update with the marks; returns the marks that are no outliers, their NIS, and the test for a common shift."""
+        """Update with the marks; returns the inliers, their NIS, and the test for a common shift of all marks."""
         self.log_likelihood = 0.0
         if not marks or self.time_s is None:
             return [], None, None
@@ -275,7 +274,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart, then update with the marks; returns the marks that are no outliers, and their NIS."""
+        """Restart, then update with the marks; returns the inliers and their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING), marks=marks)
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
@@ -295,10 +294,11 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a fix: a direct measurement of the target [m], (dim,), with covariance [m²], (dim, dim).
+        """Update with a fix, which is a direct measurement of the target.
 
-        A fix beyond the gate is rejected. If the next fix is near the rejected fix, the next fix is used.
-        Raises ValueError for another dimension, for numbers that are not finite, and for an invalid covariance.
+        position: measured position [m], (dim,); cov: covariance of the measured position [m²], (dim, dim)
+        A fix outside the gate is rejected, unless the previous fix was rejected at nearly the same position.
+        Raises ValueError before the first `predict`, and for an invalid position or covariance.
         """
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) first, found no time")

@@ -1,6 +1,6 @@
 """Generic filters: unscented Kalman filter, based on filterpy; estimate of a variance factor.
 
-Springs and marks do not belong here.
+A filter for springs or marks does not belong here.
 """
 
 from estimators.filters.adaptation import VarianceScale

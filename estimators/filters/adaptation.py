@@ -1,4 +1,4 @@
-"""Adaptive factor on a part of a covariance, estimated from innovations within bounds."""
+"""Maximum-likelihood estimate of a factor on a part of the innovation covariance."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """Maximum-likelihood estimate of a factor `scale` on a part of the innovation covariance, with forgetting.
+    """Recursive maximum-likelihood estimate of the factor `scale` in the innovation covariance rest + scale * part.
 
-    The innovation covariance is S = rest + scale * part. Each innovation changes log(scale) by the score divided by the
-    Fisher information, which is forgotten with the time constant forget_s. Source: [titterington1984].
+    Each innovation changes log(scale) by the score divided by the Fisher information. The information from earlier
+    innovations decays with the time constant forget_s. Source: [titterington1984].
 
-    bounds: smallest and largest scale, which is a factor on variances
-    start_information: weight of the initial scale 1, as a number of independent coordinates
-    State: scale; information, the Fisher information of log(scale) that is not forgotten yet.
+    bounds: smallest and largest scale
+    start_information: number of measured coordinates that would have the same weight as the initial scale 1
+    State: scale; information, the Fisher information of log(scale).
     """
 
     def __init__(self, bounds: tuple[float, float], forget_s: float = 10.0, start_information: float = 10.0) -> None:
@@ -28,7 +28,10 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """Update with an innovation (m,), dt [s] after the last one, and return the scale; part, rest: (m, m)."""
+        """Update with an innovation (m,), dt [s] after the last one, and return the scale.
+
+        part, rest: parts of the innovation covariance, (m, m)
+        """
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)

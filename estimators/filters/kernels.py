@@ -106,9 +106,10 @@ def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
-    """Reduction of the target's variance by each block of `width` measurements, tr G_i (S^-1_ii)^-1 G_i', (m / width,).
+    """Reduction of the target's variance by each block of `width` measurements, (m / width,).
 
     gain: Kalman gain G of the target, (n, m); S_inv: inverse of the innovation covariance S, (m, m)
+    Block i reduces the variance by tr G_i (S^-1_ii)^-1 G_i'.
     """
     traces = np.empty(len(S_inv) // width)
     for i in range(len(traces)):
@@ -120,11 +121,11 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """Remaining NIS after the best common shift of all blocks, and after the best shift of the best single block.
+    """NIS that remains after the best common shift of all blocks, and smallest NIS after one block is omitted.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance; width: number of measurements in a block
-    With w = S^-1 y, and H a unit matrix for each shifted block, the best shift reduces the NIS by
-    w'H (H' S^-1 H)^-1 H'w. A shift of one block has the same effect as omitting it.
+    The best shift of blocks reduces the NIS by w'H (H' S^-1 H)^-1 H'w, with w = S^-1 y. H is a unit matrix in the rows
+    of shifted blocks, else zero. The omission of a block reduces the NIS as much as the best shift of this block.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -142,9 +143,9 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
-    """Cost, (n, m), of the assignment of measured mark j to expected mark i: -log of its density, up to a constant.
+    """Cost (n, m) of assigning measurement j to expected mark i: -log of the measurement's density, up to a constant.
 
-    means (n, dim), covs (n, dim, dim): expected marks; z (m, dim), R (m, dim, dim): measured marks
+    means (n, dim), covs (n, dim, dim): expected marks; z (m, dim), R (m, dim, dim): measurements
     """
     n, dim = means.shape
     m = z.shape[0]

@@ -12,14 +12,14 @@ from estimators.filters.kernels import moments, symmetric_points
 
 
 class CovarianceError(ArithmeticError):
-    """Error for a covariance that is not positive definite; it is not repaired silently."""
+    """Error for a covariance that is not positive definite."""
 
 
 def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
     """Sigma points with positive weights only: alpha 1, beta 0, kappa 0, which is the third-degree cubature rule.
 
-    With the usual kappa = 3 - n, the weight of the centre is negative for more than three states, and the covariance
-    may then lose its definiteness [arasaratnam2009].
+    With the common choice kappa = 3 - n and more than three states, the weight of the centre is negative. The
+    covariance may then become indefinite [arasaratnam2009].
     """
     return filterpy.MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0)
 
@@ -48,7 +48,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.nis = 0.0
 
     def predict(self, dt: float) -> None:
-        """Predict x and P over dt [s], and add Q; raises CovarianceError."""
+        """Predict x and P over dt [s] with the process noise Q. Raises CovarianceError."""
         points = self.fx(self._drawn(), dt)
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 

@@ -31,7 +31,7 @@ LEAST_SEEN = 3
 
 
 SURE = 10.0
-"""Squared Mahalanobis norm of a change, per degree of freedom, above which a move is reported [1]; choice."""
+"""A pose change is reported if its squared Mahalanobis norm per degree of freedom exceeds this [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +83,8 @@ class PoseEstimate:
 class _Hypothesis:
     """Gaussian of the motion (n,) and of its rate (n,), with covariance P (2 n, 2 n).
 
-    columns: change per standard deviation of each calibration error and of each coordinate of each stated place,
-        (2 n, n_errors)
+    columns: change of motion and rate per standard deviation of each calibration error and each error of a stated
+        place, (2 n, n_errors)
     wrong: names of the reference marks that the hypothesis rejects in this frame
     """
 
@@ -97,7 +97,7 @@ class _Hypothesis:
 
 
 def _as_they_are(points: Floats) -> tuple[Floats, Floats]:
-    """The points [m], (k, dim), as measured values, and the derivatives of these values: identities, (k, dim, dim)."""
+    """Default measurement function: the points [m], (k, dim), and unit matrices as derivatives, (k, dim, dim)."""
     return points, np.broadcast_to(np.eye(points.shape[1]), (*points.shape, points.shape[1]))
 
 
@@ -220,7 +220,7 @@ class PoseFilter:
         return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
 
     def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
-        """The hypothesis, updated with all marks except marks that are more probably wrong than right."""
+        """The hypothesis, updated with the marks. Marks that are more probably wrong than right are left out."""
         s, dim = self.settings, len(marks[0].position)
         found, nis = self._with(one, marks)
         used = list(marks)
@@ -279,7 +279,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """Change of the pose since the last report; None if it is uncertain, or if it is a small drift."""
+        """Change of the pose since the last report. The result is None if the change is uncertain or a small drift."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

@@ -21,8 +21,8 @@ LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: above it, linearisation is inaccurate."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Largest number of Newton steps, and size of the squared normalised step, relative to 1 + chi-square, below which they
-end; numerical."""
+"""Largest number of Newton steps, and convergence threshold of the squared normalised step, relative to 1 + chi-square;
+numerical."""
 
 ROUNDING = 1e-9
 """Largest relative increase of chi-square by a rounding error. After a larger increase, a step is halved; numerical."""
@@ -39,7 +39,7 @@ class Registration:
     motion: motion from the drawn points, in the body's own coordinates, to the measured points
     cov: covariance of the error of translation [m] and rotation [rad], (n, n)
     residuals: measured minus moved points [m], (k, dim)
-    residual_covs: covariance of each residual that follows from the points' stated covariances [m²], (k, dim, dim)
+    residual_covs: expected covariance of each residual, from the covariances of the points [m²], (k, dim, dim)
     chi_square: sum of the squared residuals, normalised by the points' covariances [1]
     """
 

@@ -1,4 +1,4 @@
-"""Settings of the pose filter: how a camera or tracker moves, and how often a reference mark is wrong."""
+"""Settings of the pose filter: how a camera or tracker moves, and how often a reference mark is measured wrongly."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PoseSettings:
-    """Settings of the pose filter: prior of the pose error of a camera or tracker, prior of its motion, thresholds.
+    """Settings of the filter for the pose error of a camera or tracker.
 
-    Each pair of settings states a value along each axis [m] and a value about each axis [rad].
+    In a pair of settings, the first is for translation along each axis [m], the second for rotation about each axis
+    [rad].
     start_m, start_rad: standard deviation of the pose error at the start [m], [rad]; choice
     rate_m_s, rate_rad_s: standard deviation of the drift's speed [m/s], [rad/s]; choice
     lasting_s: correlation time of the drift's speed [s]; choice
     moved_m, moved_rad: standard deviation of a sudden move [m], [rad]; choice
     moved_each_s: mean time between two sudden moves [s]; choice
-    wrong_share: share of wrong measurements of reference marks, which show another object [1]; choice
-    wrong_m: standard deviation, on each axis, of the distance of a wrong measurement from the reference mark [m];
-        choice
-    gate: normalised innovation squared per degree of freedom above which a search for wrong measurements begins [1];
+    wrong_share: share of reference mark measurements that really show another object [1]; choice
+    wrong_m: standard deviation of a wrong measurement about the reference mark, on each axis [m]; choice
+    gate: largest normalised innovation squared per degree of freedom without a search for wrong measurements [1];
         choice
     n_hypotheses: largest number of hypotheses [1]; choice
     least: probability of a hypothesis, relative to the best one, below which it is dropped [1]; choice
-    drifted_m, drifted_rad: smallest change since the last report that is reported as drift [m], [rad]; choice
+    drifted_m, drifted_rad: smallest drift since the last report that is reported [m], [rad]; choice
     """
 
     start_m: float = 1e-3

@@ -1,4 +1,4 @@
-"""Known force on the tissue, such as the force of a needle, evaluated in the steps of a prediction."""
+"""Known force on the tissue, such as the force of a needle, evaluated at each step of a prediction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
 
 The function is called once per step of at most 1/120 s, with the time at the middle of the step and the states
 (..., n_state) at its start. It returns the forces during the step, (..., n_free, dim) or (n_free, dim). They must not
-contain a friction that depends on the state and may change its sign within a step: it would oscillate."""
+contain friction whose sign may change within a step, because the friction would oscillate."""
 
 
 class KnownForce:

@@ -1,4 +1,4 @@
-"""Covariance of the open loop, in which marks drive the model without a filter and their noise moves hidden masses."""
+"""Covariance of an open-loop estimate of the target: the measured marks drive the model, and no filter corrects it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ KEPT = 64
 
 
 class OpenLoopCovariance:
-    """Covariance of the target in the open loop, linearised about rest. Large bodies have only their slowest motions.
+    """Covariance of the target in an open-loop estimate, linearised about rest.
 
-    Between frames, a marked mass moves straight from one measured position to the next. A marked mass without a visible
-    mark stays at its last position. The error of the position is the noise of the mark. Hidden masses follow their
-    equations of motion under unknown white acceleration [m/s²/sqrt(Hz)].
+    Between frames, a marked mass moves straight from one measured position to the next. If its mark is not visible, it
+    stays at its last position. Hidden masses follow their equations of motion under unknown white acceleration
+    [m/s²/sqrt(Hz)]. For large bodies, only the slowest motions are computed.
 
-    State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.
+    State: cov, covariance of the positions and velocities of hidden masses, and of the errors of marked masses.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Predict over dt [s] to a frame with marks; noise: covariance of each mark [m²], (dim, dim), by node."""
+        """Predict over dt [s] to a frame; noise: covariance of each visible mark [m²], (dim, dim), by its node."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:
@@ -81,8 +81,8 @@ class OpenLoopCovariance:
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices F, kept, G and Q for a step of dt [s] to a frame with visible marks on the nodes `seen`.
 
-        F (n, n + m): effect of the old state on the hidden masses; G (n, m): effect of the new marks' errors on them
-        kept (m,): 0 for the coordinates of the new marks, else 1; Q (n, n): covariance due to unknown forces
+        F (n, n + m), G (n, m): effect on the hidden masses of the last state, and of the errors of the visible marks
+        kept (m,): 0 for coordinates of visible marks, else 1; Q (n, n): covariance due to unknown forces
         """
         n = self._n
         if dt > 0.0:
@@ -96,9 +96,10 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Effects on the hidden masses after dt [s]: of their state, of errors of old and of new marks; noise.
+        """Matrices that predict the error of the hidden masses over dt [s].
 
-        The noise is the covariance due to unknown forces.
+        Returns the effect of their previous error (n, n), of the errors of the previous marks (n, m) and of the errors
+        of the new marks (n, m), and the noise covariance due to unknown forces (n, n).
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
@@ -113,9 +114,9 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """The r slowest motions of n coordinates while all others are fixed, as columns (n, r), and their left inverse.
+    """Slowest motions of n free coordinates while all others are fixed, as columns (n, r), and their left inverse.
 
-    by_mass: -K / mass, (n, n); rows: indices of these coordinates among the free ones; if n is small, r is n
+    by_mass: -K / mass, (n, n); rows: indices of the n coordinates among the free coordinates
     """
     n = len(rows)
     if n <= MOTIONS:

@@ -63,7 +63,7 @@ class TissueModel:
     """Process model of a network under unknown forces.
 
     uncertainty: directions in which the network's constants are uncertain
-    dim_x: number of states: the network's states, and a poke for each coordinate of a marked node
+    dim_x: number of states, which are positions, velocities, and a poke for each coordinate of a marked node
     """
 
     def __init__(
@@ -77,11 +77,11 @@ class TissueModel:
         self.mass = np.repeat(network.masses[network.free], network.dim)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
-        """Sigma points (n_points, dim_x) after dt [s], with states in [m], [m/s], [N]. The pokes in the state decay."""
+        """Sigma points (n_points, dim_x) after dt [s], with states in [m], [m/s], [N]."""
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """As `propagate`, for other sigma points in each mode, (n_modes, n_points, dim_x), in [m], [m/s], [N]."""
+        """Sigma points of each mode after dt [s], (n_modes, n_points, dim_x), with states in [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -92,7 +92,7 @@ class TissueModel:
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
 
     def resting_columns(self, shape: Floats) -> Floats:
-        """Change of a rest shape per unit error along each uncertain direction, (dim_x, n_directions).
+        """Change of the rest shape by a unit error of the constants in each uncertain direction, (dim_x, n_directions).
 
         shape: positions of all nodes [m], (n_nodes, dim)
         """
@@ -107,10 +107,7 @@ class TissueModel:
         return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:
-        """Noise covariance of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
-
-        Springs and dashpots are ignored. `LONGEST_STEP` states the resulting error of a prediction.
-        """
+        """Noise covariance of a step of dt [s], (dim_x, dim_x). Springs and dashpots are ignored during the step."""
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
         _add_flight(Q, np.full(half, mode.white**2), dt)
@@ -126,8 +123,7 @@ class TissueModel:
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
         """Matrix A and noise density, (dim_x, dim_x) each, of the motion about a shape [m]; state in [m], [m/s], [N].
 
-        An unstable motion, such as the buckling of a compressed link, keeps its speed in this model. Its linear growth
-        would diverge, while the real body moves to another rest shape.
+        Negative stiffnesses, such as that of a buckling link, are replaced by zero, so that no motion grows.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         A = np.zeros((self.dim_x, self.dim_x))
@@ -143,7 +139,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add the covariance of positions and velocities under white accelerations of densities `white`, (half,)."""
+    """Add to Q the covariance of positions and velocities after dt. white: densities of accelerations, (half,)."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0
@@ -182,10 +178,9 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
-    """Covariance of position, velocity and poke (as acceleration), (3, 3), due to the poke's own noise over dt [s].
+    """Covariance of position, velocity and poke (as an acceleration), (3, 3), due to the noise of the poke over dt [s].
 
-    sd: standard deviation of the poke as acceleration [m/s²]; tau: correlation time of the poke [s]
-    The result is the integral of g g' over the age of the noise, with g the response to noise of one age.
+    sd: standard deviation of the poke as an acceleration [m/s²]; tau: correlation time of the poke [s]
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

@@ -35,10 +35,11 @@ class TargetPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetMap:
-    """Map from a state to the position of a target: matrix @ free coordinates + constant.
+    """Map from a state to the position of a target: matrix @ (positions of the free nodes) + constant.
 
-    point: the target; matrix: (dim, n_free dim) [1]; constant: offset plus the weighted fixed nodes [m], (dim,)
-    A state begins with the free coordinates; any other states may follow.
+    point: the target; matrix: weights of the free nodes [1], (dim, n_free dim)
+    constant: offset plus the weighted positions of fixed nodes [m], (dim,)
+    The first entries of a state are the positions of the free nodes.
     """
 
     point: TargetPoint
@@ -60,9 +61,9 @@ class TargetMap:
 
 
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
-    """Map from a state to a target, which is given as a point or as the name of a node; NetworkError for unknown nodes.
+    """Map from a state to the position of a target, which is a point of the tissue or the name of a node.
 
-    Raises ValueError if no free node moves the target, or if its offset is invalid.
+    Raises NetworkError for unknown nodes. Raises ValueError if no free node has a weight, or if the offset is invalid.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target
     offset = np.array(point.offset_m or np.zeros(network.dim), dtype=float)

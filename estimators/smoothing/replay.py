@@ -1,4 +1,4 @@
-"""Filter for frames that arrive late or out of order. It repeats the updates with all later frames of its history."""
+"""Filter for frames that arrive late. After a late frame, it repeats the updates with all later frames."""
 
 from __future__ import annotations
 

@@ -29,9 +29,10 @@ TimedFix = tuple[float, Floats, Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the predictions before this frame.
+    """Record of one frame in the forward pass.
 
-    moves: the predictions since the last frame; empty if the filter started or restarted here
+    mean, cov: mean (n,) and covariance (n, n) of the state after the frame
+    moves: the predictions since the last frame; empty if the filter started or restarted in this frame
     """
 
     mean: Floats
@@ -40,20 +41,20 @@ class Step:
 
 
 class ForwardPass:
-    """Filter that records for each frame what a smoother needs."""
+    """Filter that records a `Step` for each frame."""
 
     def __init__(self, tissue: TissueFilter) -> None:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """Use the marks of a frame; returns the filter's estimate and the record for a smoother.
+        """Update with the marks of a frame; returns the filter's estimate and the record for a smoother.
 
         Raises ValueError as the filter does.
         """
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """Use a direct measurement of the target; returns the filter's estimate and the record for a smoother."""
+        """Update with a direct measurement of the target; returns the filter's estimate and the record."""
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 
@@ -85,7 +86,7 @@ def fixed_interval(
 ) -> list[TargetEstimate]:
     """Estimate the target at each frame from all frames and all fixes; frames: (time [s], marks) in order of time.
 
-    advance: called with the completed share
+    advance: called with the share of the computation that is done
     fixes: direct measurements of the target. Fixes before the first marks or after the last frame are ignored.
     """
     passage, taken = ForwardPass(tissue), list(frames)

@@ -22,8 +22,7 @@ class Status(StrEnum):
     """Status of the filter: whether its estimate can be relied upon."""
 
     INITIALISING = "INITIALISING"
-    """The first marks were used, or no marks: the position of the tissue may be known, but not yet its velocity and
-    shape."""
+    """No marks have been used yet, or only the first marks: velocity and shape of the tissue are not known yet."""
     TRACKING = "TRACKING"
     """The marks of this frame were used."""
     COASTING = "COASTING"
@@ -97,7 +96,7 @@ def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class CommonShift:
-    """Test whether one common shift of all marks in a frame, including rejected ones, explains their innovations.
+    """Test of whether one common shift explains the innovations of all marks in a frame, including rejected marks.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
     nis_of_one: smallest NIS that remains after one mark alone is shifted; this equals the NIS without that mark
@@ -120,12 +119,12 @@ class TargetEstimate:
     nis: normalised innovation squared of the used marks; None without marks, or if the method does not compute it
     poked: probability that a short external force acts; 0 for a continuum, None if the method does not compute it
     model_only: whether marks contribute almost nothing, so that the estimate is a prediction by the model
-    gain: 1 - variance of the filter / variance of the open loop, in which marks drive the model without a filter. It is
-        negative if the filter is more uncertain, because it considers pokes and wrong constants.
-    information_share: for each used mark's node, relative increase of the target's variance without this mark
+    gain: 1 - a / b, with the variance a of the filter and the variance b of an open-loop estimate, in which the marks
+        drive the model and no filter corrects it
+    information_share: relative increase of the target's variance without one of the used marks, by the mark's node
     shift: test for a common shift of all marks; None without marks, and in the first frame with marks
     noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
-    measured: number of measured coordinates of the used marks (a single camera measures no depth); None: all
+    measured: number of coordinates that the used marks measure; None: all coordinates
     """
 
     time_s: float

@@ -1,4 +1,4 @@
-"""Gate for measurements: a measurement beyond the gate is used only if it repeats at the same place."""
+"""Gate for measurements. A measurement outside the gate is rejected, unless the last rejected one is near it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlying:
-    """The last measurement of a mark or a fix that was beyond the gate.
+    """The last measurement that was outside the gate.
 
-    since_s, last_s: times of the first and of the last such measurement in an unbroken series [s]
+    since_s, last_s: times of the first and the last of consecutive measurements outside the gate [s]
     position, cov: the last measurement [m], (dim,), and its covariance [m²], (dim, dim)
     """
 
@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether a measurement is within the gate around an earlier one, even if an impulse has acted in between."""
+    """Whether a measurement is within the gate around an earlier one; the gate allows for an impulse in between."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

@@ -47,11 +47,11 @@ def after_frame(
     nis: normalised innovation squared (NIS) of the used marks, None without marks; degrees: degrees of freedom of nis
     disturbance: probability that a disturbance has just moved the tissue
 
-    The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. It is then
-    TRACKING in frames with marks, and COASTING in frames without marks. After lost_s without marks it is LOST; the next
-    marks lead to INITIALISING. The status becomes DIVERGED if the sum of the NIS over test_s is too large, or if more
-    than two disturbances are probable in this time. The filter then restarts. If the marks agree with the filter for
-    test_s, the status is TRACKING again.
+    Until marks have been used for confirm_s, the status is INITIALISING. Then it is TRACKING in frames with marks, and
+    COASTING in frames without marks. If no marks are used for longer than lost_s, it is LOST; the next marks lead to
+    INITIALISING. If the sum of the NIS over test_s is too large, or more than two disturbances are probable in this
+    time, the status is DIVERGED and the filter restarts. If the filter then agrees with the marks for test_s, the
+    status is TRACKING again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -79,15 +79,15 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of the NIS of these frames exceeds `largest_ratio` times the sum of their degrees of freedom."""
+    """Whether the sum of the NIS of some frames exceeds `largest_ratio` times the sum of their degrees of freedom."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
 
 def largest_ratio(degrees: int, sigmas: float) -> float:
-    """Quantile of a chi-square variable divided by its degrees of freedom: the largest plausible sum of NIS.
+    """Largest plausible ratio of a sum of NIS to its degrees of freedom: a quantile of the chi-square distribution.
 
-    The quantile's probability is that of a standard normal variable being below `sigmas`. Source: [wilson1931].
+    sigmas: the quantile, as a number of standard deviations of a normal variable. Source: [wilson1931].
     """
     spread = 2.0 / (9.0 * degrees)
     return (1.0 - spread + sigmas * sqrt(spread)) ** 3

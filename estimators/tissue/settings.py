@@ -12,12 +12,12 @@ class FilterSettings:
     """Settings of the filter: assumptions about unknown forces, and thresholds of its tests.
 
     poked: strength and duration of pokes (brief forces on marked nodes); source: fields of `ForceMode`
-    led_nodes: marked nodes that an outside force, such as a gripper's, may drag at any time; source: the scene
-    discrepancy: standard deviation of the model's error, relative to the body's extent [1]; None: it is estimated;
-        source: the scene
-    sigma_points: whether sigma points, not derivatives, linearise the motion; source: the caller
+    led_nodes: marked nodes that an external force, such as a gripper's, may drag at any time; source: the scene
+    discrepancy: standard deviation of the model's error, relative to the body's extent [1]; source: the scene. If it is
+        None, the filter estimates it
+    sigma_points: whether sigma points linearise the motion, in place of derivatives; source: the caller
     fix_bias: common error of all fixes (direct measurements) of the target, or None; source: the scene
-    outlier_odds: prior odds that a mark is an outlier, anywhere in the tissue's extent [1]; choice
+    outlier_odds: prior odds that a mark is an outlier, whose position is uniform over the body's extent [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
     impulse_m_s: largest sudden change of a node's velocity [m/s]; choice
     impulse_s: time for which the node moves at impulse_m_s before the springs pull it back [s]; choice

@@ -1,4 +1,4 @@
-"""Motion of a continuum in closed form: damped modes under smooth surface forces that decay.
+"""Motion of a continuum in closed form: damped vibration modes under surface forces that decay.
 
 A vibration mode with angular frequency w and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and
 to a force exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time: it is the
@@ -22,10 +22,10 @@ APART = 1e-3
 """Smallest difference between the two roots of a mode, and between a root and a force's rate [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
-"""Largest share of the mean square displacement by a source of forces that may be omitted [1]; numerical."""
+"""Largest share of the mean square displacement that omitted surface forces may cause [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""A force is the sum of two states, multiplied by these signs: the first decays slowly, the second quickly [1]."""
+"""Signs of the two states whose sum is a force [1]. The first state decays slowly, the second quickly."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
@@ -34,15 +34,15 @@ NODES, PANEL = 16, 8.0
 """Gauss quadrature: number of nodes in a panel, and length of a panel times the integrand's rate [1]; numerical."""
 
 FIXED = 1e-6
-"""Standard deviation of the first coordinate, which is always 1 [1]; numerical."""
+"""Small standard deviation of coordinate 0, which is constant, so that its variance is positive [1]; numerical."""
 
 
 class ContinuumSpan(Span):
-    """Map from coordinates to positions: first coordinate times drawn positions, plus displacements of the modes."""
+    """Map from coordinates to positions: drawn positions times coordinate 0, plus the displacements of the modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """Make the span of a network with a continuum. The first coordinate is always 1, the others are in [m]."""
+        """Make the span of a continuum. Coordinate 0 is always 1; the others are the amplitudes of modes [m]."""
         solid = network.continuum
         assert solid is not None  # the caller checks it
         drawn = network.positions[network.free].reshape(-1, 1)
@@ -59,7 +59,7 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the coordinates (n, n) for independent modes with the standard deviations `white`."""
+        """Diagonal covariance of the coordinates (n, n), from their standard deviations `white`."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
@@ -71,7 +71,7 @@ class ContinuumMotion:
     network : MassSpringNetwork
         Network with a continuum.
     disturbances : Disturbances
-        Prior of the surface forces. Their strength is the acceleration of the whole mass under such a force.
+        Prior of the surface forces, which are stated as accelerations of the whole mass.
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the tissues' stiffness.
     """
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,), for dt."""
+        """Jacobian of coordinates and velocities after dt [s], (2 n, 2 n + n_f), and decay of each force, (n_f,)."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -155,7 +155,7 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """States of the forces that decay slowly, and of those that decay quickly; first: index of the first force."""
+        """Indices of the forces that decay slowly, and of those that decay quickly; first: index of the first force."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Effect of one standard deviation of each constant on the state at the end, (2 n, n_constants)."""
+        """Change of coordinates and velocities per standard deviation of each model constant, (2 n, n_constants)."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))
@@ -202,9 +202,9 @@ class ContinuumMotion:
 
 
 def _effective(push: Floats, by_force: Floats) -> Floats:
-    """Fewest columns that explain the displacements due to the given columns, up to the share `LEFT_OUT`.
+    """Reduce the accelerations `push` (n_modes, any) to fewer columns that cause nearly the same displacements.
 
-    push: accelerations, (n_modes, any); by_force: displacement of each mode per unit acceleration [s²], (n_modes, 1)
+    by_force: static displacement of each mode per unit acceleration [s²], (n_modes, 1)
     """
     _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
@@ -212,10 +212,7 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
 
 
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
-    """Nodes and weights [s], (k,), of Gauss quadrature from 0 to dt [s] for an integrand with rates up to `rate` [1/s].
-
-    Closed forms lose precision for a mode without stiffness, whose variance grows with the fifth power of dt.
-    """
+    """Nodes and weights of Gauss quadrature from 0 to dt [s], (k,). rate: fastest rate of the integrand [1/s]."""
     edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
     x, weights = np.polynomial.legendre.leggauss(NODES)
     half = 0.5 * np.diff(edges)[:, None]

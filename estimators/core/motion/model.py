@@ -11,7 +11,7 @@ from dynamics.elements import Span
 from estimators.arrays import Floats
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
-"""Sources of noise, in the order of `Transition`. Noise of the last two sources is independent between states."""
+"""Sources of noise, in their order in `Transition`. Noise of the last two sources is independent between states."""
 
 
 class Along(NamedTuple):
@@ -41,7 +41,7 @@ class Motion(Protocol):
     extent_m : float
         Extent of the body [m].
     raised : float
-        Factor that adapts the strengths of forces to the body's stiffness; calm forces are not changed [1].
+        Factor on the strengths of the unknown forces. It depends on the body's stiffness [1].
     driving : (n_f,) int
         Index in `SOURCES` of the source that drives each force.
     fading_s : (n_f,)
@@ -49,7 +49,7 @@ class Motion(Protocol):
     force_cov : (n_f, n_f)
         Covariance of the forces when their sources have variance 1.
     is_linear : bool
-        Whether `along` is exact at any distance from the state.
+        Whether the motion is linear, so that the linearisation in `along` is exact.
     """
 
     is_linear: bool
@@ -64,7 +64,7 @@ class Motion(Protocol):
 
     @property
     def raised(self) -> float:
-        """Factor that adapts the strengths of forces to the body's stiffness [1]."""
+        """Factor on the strengths of the unknown forces [1]. It depends on the body's stiffness."""
 
     @property
     def driving(self) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""Motion of a network of springs and other elements, in all coordinates or in a few shapes."""
+"""Motion of a network of springs and other elements. A large network is reduced to a few deformation shapes."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ GROWING = (0.5, 5.0, 30.0)
 """The shapes of a reduced body are its responses to forces that grow at these rates [1/s]; numerical."""
 
 LEFT_OUT = 2e-3
-"""Largest displacement by an omitted shape, relative to the body's extent [1]; numerical: below the discrepancy."""
+"""Largest displacement by an omitted shape, relative to the body's extent [1]; numerical."""
 
 WEAK = 1e-2
-"""Largest force of a source that is omitted, relative to the source's largest force [1]; numerical."""
+"""Forces below this share of the largest force from the same source are omitted [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""A body with more nodes than the first number may be reduced to fewer shapes per node than the second [1]; choice."""
+"""A body is reduced if it has more nodes than LARGE and at most FEWER shapes per node [1]; choice."""
 
 
 class NetworkMotion:
@@ -96,7 +96,7 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """Span of a few shapes for many nodes, else of all coordinates; pushes: accelerations of each source."""
+        """Map from coordinates to node positions, with few coordinates for a large body; pushes: accelerations."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:
@@ -115,7 +115,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Acceleration of each coordinate due to each unit force, (n, n_f), and source of each force, (n_f,)."""
+        """Acceleration of each coordinate by each unit force, (n, n_f), and source of each force, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))
@@ -123,7 +123,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether slow forces act on each free node: on all nodes of a cable or cloth in space, else on marked ones."""
+        """Whether slow forces act on each free node: on marked nodes, and on all nodes of a flat body in space."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
@@ -143,10 +143,7 @@ class NetworkMotion:
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 
     def moved_each(self, states: Floats, dt: float) -> Floats:
-        """Coordinates and velocities (k, 2 n) after dt [s], by explicit steps from k states (k, 2 n + n_f or more).
-
-        Each force has its mean value during dt.
-        """
+        """Coordinates and velocities (k, 2 n) after dt [s], by explicit integration from k states (k, 2 n + any)."""
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
         mean = -np.expm1(-dt * rates) / (dt * rates)
@@ -154,7 +151,7 @@ class NetworkMotion:
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """Change of the state over all steps per standard deviation of each constant, (2 n, n_constants)."""
+        """Change of coordinates and velocities per standard deviation of each model constant, (2 n, n_constants)."""
         moving = len(start)
         if self._by_constants is None:
             return np.zeros((moving, 0))
@@ -167,7 +164,7 @@ class NetworkMotion:
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """Accelerations per standard deviation of each constant [m/s²], (..., n, n_constants), in states (..., 2 n)."""
+        """Accelerations per standard deviation of each model constant [m/s²], (..., n, n_constants)."""
         assert self._by_constants is not None  # else there are no constants
         assert self._uncertainty is not None
         V, masses = self.span.matrix, self.span.masses
@@ -186,17 +183,14 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """Fewest columns whose covariance L L' nearly equals the covariance of the given columns L (n, any).
-
-    If no column can be omitted, the given columns are returned.
-    """
+    """Fewest columns M for which M M' nearly equals L L', where L (n, any) are the given columns."""
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)
     return columns if kept.sum() == columns.shape[1] else np.asarray(vectors[:, kept] * sizes[kept])
 
 
 def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
-    """Square of the body's lowest angular frequency [1/s²]; motions without stiffness are ignored."""
+    """Square of the body's lowest angular frequency [1/s²], without rigid motions."""
     K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
     values = eigh(K, np.diag(masses), eigvals_only=True)
     return float(values[values > 1e-6 * values[-1]][0])

@@ -16,21 +16,19 @@ def by_sigma_points(
 ) -> Transition:
     """Replace the linearisation of the first m states by a regression over sigma points.
 
-    The sigma points are mean ± sqrt(m) times each column of the covariance's root: the unscented transform with
-    kappa = 0, whose central point has no weight. The predicted mean is the tangent's mean plus this difference: mean of
-    the moved sigma points minus the moved mean. The residual of the regression counts as noise.
-    Source: [julier1997], [garciafernandez2017].
+    The sigma points are those of the unscented transform with kappa = 0: mean ± sqrt(m) times each column of the
+    covariance's root. The residual of the regression counts as noise. Source: [julier1997], [garciafernandez2017].
 
     Parameters
     ----------
     tangent : Transition
-        Linearisation by derivatives. It gives the dependence on the other states, and the noise.
+        Linearisation by derivatives, which stays valid for the other states and for the noise.
     mean, cov : (n,), (n, n)
         Moments of the previous state.
     m : int
         Number of states with nonlinear motion. They are the first states.
     moved : callable
-        Returns the first m states after the step, (k, m), from k states (k, n). An error common to all cancels.
+        Returns the first m states after the step, (k, m), from k states (k, n).
     """
     root = np.linalg.cholesky(cov[:m, :m])
     steps = np.sqrt(m) * root.T
