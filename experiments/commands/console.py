@@ -22,7 +22,7 @@ MARKS_SHOWN = 10
 def _table(
     title: str, heads: Sequence[str | Sequence[str]], rows: Iterable[Sequence[str]], caption: str | None = None
 ) -> Table:
-    """A table of these rows. A column is left-aligned if its head is in a list, otherwise right-aligned."""
+    """A table of these rows. A column is left-aligned if its heading is in a list, otherwise right-aligned."""
     table = Table(title=title, caption=caption)
     for head in heads:
         table.add_column(head, justify="right") if isinstance(head, str) else table.add_column(*head, justify="left")
@@ -32,7 +32,7 @@ def _table(
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """A row for each method: errors, or without a known truth sigma and NIS; numbers of frames; time per frame."""
+    """A row for each method. It has errors if the truth is known, otherwise standard deviations and NIS."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
     title = "Error of the hidden target" if known else "The hidden target; truth not known"
@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines with statuses, verdict and shares of variance; ours: the filter's part of summary.json."""
+    """Lines about frames, consistency and causes of the variance; ours: the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -95,7 +95,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks that were found least often, with reasons; ours: the filter's part of summary.json."""
+    """The marks that were found least often, and why; ours: the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,7 +109,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """A row for each hue: the share of the picture that its keys select, and frames with too few or too many pixels."""
+    """A row for each hue: share of the picture that has this hue, and frames with too few or too many such pixels."""
     heads = [["marks"], ["keys"], "median", "least", "largest", "ratio to marks' area", "too few in", "too many in"]
     rows = []
     for row in kinds:
@@ -196,7 +196,7 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def demo_table(figures: Figures) -> Table:
-    """Mean absolute error ± SD for each method and scenario, below the paper's figures."""
+    """Mean absolute error ± SD of the paper, and of each method, for each scenario."""
     from experiments.studies.demo import PAPER_MM, heads
 
     published = (f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
@@ -210,7 +210,7 @@ def demo_table(figures: Figures) -> Table:
 
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
-    """A row for each combination of parameters and method; the first row of `cells` has the heads."""
+    """A row for each combination of parameters and method; the first row of `cells` has the headings."""
     broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
     heads = [[one] if one == "method" else one for one in broken]
     return _table("Error of the hidden target, over runs", heads, cells[1:])
@@ -238,7 +238,7 @@ def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str,
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """A row for each identified constant. The caption says how many combinations the recording determines."""
+    """A row for each identified constant."""
     rows = []
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
@@ -273,7 +273,7 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """Lines with the rms residual, the pictures that were left out, and the size of a pixel on the plane."""
+    """Lines with the rms residual, the pictures that were not used, and the size of a pixel on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [
@@ -285,7 +285,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """A row for each point: its residual, and measured and expected distance from the other points' prediction."""
+    """A row for each point: residual of the fit, and error of its position as predicted from the other points."""
     keys = ("residual_mm", "left_out_mm", "left_out_expected_mm")
     rows = [[row["name"], *(_number(row[key], ".2f") for key in keys)] for row in report["points"]]
     title, heads = f"Registration by {counted(len(rows), 'point')}", [["point"], "residual", "left out", "expected"]

@@ -250,7 +250,7 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop this time [s] after the camera opens."),
+        typer.Option("--duration", min=0.0, help="Stop this many seconds after the camera opens."),
     ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; switches advice on.")] = None,

@@ -13,7 +13,7 @@ from experiments.errors import InputError, coordinates, shown
 from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
-"""File name extensions by format; of the two for `plus`, PLUS uses the first and 3D Slicer the second."""
+"""File name extensions by format. For `plus`, the program PLUS uses the first, and 3D Slicer the second."""
 
 
 def export(
@@ -29,7 +29,7 @@ def export(
         str | None,
         typer.Option(
             "--start",
-            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded times count from 1970.",
+            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: time 0 is 1970-01-01.",
         ),
     ] = None,
     scene: SceneFile = None,
@@ -104,7 +104,7 @@ def import_table(
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Convert positions from DeepLabCut or SLEAP into a recording, by the camera of the scene."""
+    """Convert positions from DeepLabCut or SLEAP into a recording, with the camera of the scene."""
     from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
 

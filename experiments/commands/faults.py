@@ -1,4 +1,4 @@
-"""Messages of one line for errors of a command line; they have the form of messages on files."""
+"""Messages of one line for errors in a command line."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXPECTED = (
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
-    """A message of one line on a wrong call; command: such as `softaim track`; arguments: all that follow `softaim`."""
+    """One line about a wrong call; command: such as `softaim track`; arguments: all words after `softaim`."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:
         if (parts := re.fullmatch(form, message)) is not None:
@@ -51,7 +51,7 @@ def _expected(why: str) -> str:
 
 
 def _value(arguments: Sequence[str], option: str) -> str:
-    """The given value of an option, in quotes."""
+    """The value of an option on the command line, in quotes."""
     for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
         if word == option:
             return shown(following)
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """An InputError for an operating system's error about a file name. Long names are shortened."""
+    """An InputError from an error of the operating system about a file name."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

@@ -12,7 +12,7 @@ SHIPPED = tuple(sorted(path.stem for path in Path(__file__).parents[1].glob("sce
 
 
 def scenarios(incomplete: str) -> list[str]:
-    """Completions in a shell for an incomplete scenario: shipped scenarios and files."""
+    """Shell completions for the start of a scenario's name: names of shipped scenarios, and files."""
     start = Path(incomplete)
     folder, name = (start, "") if incomplete.endswith("/") else (start.parent, start.name)
     files = sorted(str(path) for path in folder.glob("*.toml") if path.name.startswith(name))

@@ -20,7 +20,7 @@ from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 COMMON = {"--json", "--verbose", "--force", "--vector"}
-"""Options that the top of the page describes in its own words."""
+"""Options that the introduction of the page describes."""
 
 SEVERAL = 3
 """The page describes an option only once if at least this many commands have it; choice."""
@@ -30,7 +30,7 @@ TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
 
 RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
 LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
-"""Notes at the end of an option that the usage repeats, and ranges, which are only in the help."""
+"""Texts at the end of an option that the page omits: `required`, which the usage shows, and ranges."""
 
 
 def sections() -> Iterator[str]:
@@ -53,7 +53,7 @@ def sections() -> Iterator[str]:
 
 
 def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
-    """Row and usage text of each argument and option of a command, without the options in `COMMON`."""
+    """For each argument and option of a command, except those in `COMMON`: its line on the page, and its usage text."""
     for one in command.get_params(context):
         found = one.get_help_record(context)
         if found is None or one.name == "help" or set(one.opts) & COMMON:
@@ -65,12 +65,12 @@ def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
 
 
 def page(text: str) -> str:
-    """The page with new sections; text: the present page."""
+    """The page with sections from the present help; text: the old page."""
     return replaced(text, {"commands": "\n".join(sections())})
 
 
 def main() -> None:
-    """Write the page, or check it."""
+    """Write the page; with --check, only compare it with the help."""
     text = PAGE.read_text(encoding="utf-8")
     if "--check" in sys.argv:
         sys.exit(0 if page(text) == text else "docs/commands.md: python -m experiments.commands.page")

@@ -75,7 +75,7 @@ def new(
     field: Annotated[
         str | None,
         typer.Option(
-            "--field", help="With --mesh: field with the share of gland (0 to 1), or with the labels of --region."
+            "--field", help="With --mesh: data field with the share of gland (0 to 1), or labels of --region."
         ),
     ] = None,
     region: Annotated[

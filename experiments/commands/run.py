@@ -41,7 +41,7 @@ class Answer:
     """The result of a subcommand.
 
     record: the result for programs (--json); shown: the tables and lines of text for people
-    fault: if a part of the work failed, exception to raise after the result is printed
+    fault: exception to raise after the result is printed; None if no part of the work failed
     """
 
     record: Mapping[str, Any]
@@ -55,8 +55,7 @@ class Run:
 
     arguments: arguments of the command line, without passwords; log: all messages
     given: texts of the given arguments and options, by name; the text of a flag is its name
-    State: resources that stay open until the end; the progress bar, once a stage has begun; the scene; messages on
-    steps that the scene lacks, and whether they have been reported.
+    opened: resources that are closed at the end of the run
     """
 
     command: str
@@ -85,19 +84,19 @@ class Run:
         return done
 
     def only_with(self, other: str, *options: str) -> None:
-        """Raise InputError if one of `options` was given without the option `other`, which it needs."""
+        """Raise InputError if any of `options` was given without the option `other`."""
         for option in options if other not in self.given else ():
             if option in self.given:
                 raise InputError.at(option, f"{other} beside it", "none")
 
     def not_with(self, other: str, *options: str) -> None:
-        """Raise InputError if one of `options` was given with the option `other`, which makes it useless."""
+        """Raise InputError if any of `options` was given together with the option `other`."""
         for option in options if other in self.given else ():
             if option in self.given:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and find the steps that the scene lacks for the command `before`.
+        """Set the scene of this run, and find which steps, such as `identify`, it lacks before the given command.
 
         `begun` reports these steps. Raises InputError if the scene's network is too large for a filter.
         """
@@ -113,7 +112,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that the scene lacks, once. Call it after all input is read, so that errors come alone."""
+        """Report the steps that the scene lacks, if not yet reported. Call it after all input has been read."""
         if not self._reported:
             self._reported = True
             for line in self._left_out.values():
@@ -125,7 +124,7 @@ class Run:
     ) -> Iterator[Path]:
         """Context with an output folder. At its end, the folder receives the run's provenance and log.
 
-        inputs: files and folders that the run reads; growing: whether to use `growing_folder`, not `output_folder`
+        inputs: files and folders that the run reads; growing: whether written files stay after an exception
         """
         from experiments.formats.outputs import growing_folder, output_folder
 
@@ -142,7 +141,7 @@ class Run:
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
-        """Write the run's provenance and log to an existing folder, whose final name is `named`."""
+        """Write the run's provenance and log to an existing folder; named: final path of the folder, for the log."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
 
@@ -162,7 +161,7 @@ class Run:
         kept: Sequence[str] = (),
         force: bool = False,
     ) -> None:
-        """Write the scene that results from a step, and its provenance in a file beside it. Raises InputError.
+        """Write a scene after a step such as `identify`, and a file beside it with the provenance. Raises InputError.
 
         kept: names of constants that the step did not change; force: whether to replace an existing mesh file
         """
@@ -176,7 +175,7 @@ class Run:
         )
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
-        """Write all files and the provenance, or nothing; contents: text of each file. Raises InputError."""
+        """Write all files and the provenance, or no file; contents: content of each file. Raises InputError."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import beside
 
@@ -262,7 +261,7 @@ def _given(context: typer.Context) -> dict[str, str]:
 
 
 def _check_names(given: Mapping[str, str]) -> None:
-    """Raise InputError if an argument or the current folder is not UTF-8, because some libraries then fail."""
+    """Raise InputError if an argument or the name of the current folder is not valid UTF-8."""
     with suppress(OSError):
         given = {"the current folder": os.getcwd(), **given}
     for name, text in given.items():
@@ -291,7 +290,7 @@ def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]
 
 
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
-    """The arguments without user names and passwords in addresses of streams."""
+    """The arguments, without the user names and passwords in addresses of streams."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)
 
 

@@ -1,6 +1,6 @@
 """Drawing and lists of docs/architecture.md: the sub-packages of the four packages, and the imports between them.
 
-    python -m experiments.studies.architecture          # rewrites both from the code
+    python -m experiments.studies.architecture          # rewrites drawing and lists from the code
     python -m experiments.studies.architecture --check  # exit code 1 if the page differs from the code
 
 The code calls a sub-package a room. The first line of its docstring states its content.
@@ -43,7 +43,7 @@ class Room:
 
 @cache
 def rooms_of(package: str) -> list[Room]:
-    """The sub-packages of a package, sorted by name; each includes its own sub-packages."""
+    """The sub-packages of a package, sorted by name. The modules in their sub-folders belong to them."""
     found = []
     for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
@@ -55,7 +55,7 @@ def rooms_of(package: str) -> list[Room]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Names of sub-packages that a module imports, and of packages from which it imports directly."""
+    """Names of the packages and sub-packages from which a module imports."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -97,7 +97,7 @@ def tables() -> str:
 
 
 def page() -> str:
-    """The text of docs/architecture.md with new lists."""
+    """The text of docs/architecture.md, with lists made from the code."""
     return replaced(PAGE.read_text(encoding="utf-8"), {"rooms": tables()})
 
 
@@ -173,7 +173,7 @@ def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], **s
 
 
 def main() -> None:
-    """Rewrite the page and its drawing, or check the page."""
+    """Rewrite the page and its drawing; with --check, only compare the page with the code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--check", action="store_true")
     if parser.parse_args().check:

@@ -1,22 +1,23 @@
 """Speed of parts of the program and of reference programs, measured in one run on the same input.
 
-filter_step: one frame of the filter with three marks of the phantom. The reference is an interacting multiple model
-filter of filterpy. It has an unscented filter for each mode, and the same states, noise, switching rates and marks; it
-moves one sigma point at a time, either in plain NumPy or in compiled code.
-full_step: one frame of the filter with association of interchangeable marks. For `considered_ms`, ten constants are
-also uncertain.
-bodies: one frame of the filter for a grid in space with springs along edges and diagonals. One grid has 18 free nodes
-and 17 marks, the other 48 free nodes and 40 marks.
-advice: several times. `path_ms_a_second`: the filter predicts the target's path at 30 times within one second.
-`quick_path_ms`: the path for 1.5 s is computed from tables. `live_frame_ms`: one live frame updates and fits the
-breathing model, computes such a path, and evaluates 4 start times of the insertion. `advise_plane_ms` and
-`advise_space_ms`: 21 start times within 2 s are evaluated for a known path. `plan_500_paths_ms`: a plan of 500
-straight needle paths. `hit_probability_ms`: one hit probability in space.
+filter_step: one frame of the filter with three marks of the phantom. The reference is the interacting multiple model
+filter of the package filterpy, with an unscented filter for each mode. It has the same states, noise, switching rates
+and marks. It moves the sigma points one after the other, either in plain NumPy or in compiled code.
+full_step: one frame of the filter that also assigns marks of equal colour to nodes. For `considered_ms`, ten constants
+of the model are also uncertain.
+bodies: one frame of the filter for a cubic grid with springs along edges and diagonals. One grid has 18 free nodes and
+17 marks; the other has 48 free nodes and 40 marks.
+advice: `path_ms_a_second` is the time in which the filter predicts the target's path at 30 times within one second.
+`quick_path_ms` is the time to compute the path for 1.5 s from tables. `live_frame_ms` is the time of one live frame: it
+updates and fits the breathing model, computes a path from tables, and evaluates 4 start times of the insertion.
+`advise_plane_ms` and `advise_space_ms` are the times to evaluate 21 start times within 2 s for a known path.
+`plan_500_paths_ms` is the time to plan 500 straight paths; `hit_probability_ms` is that to compute a hit probability.
 recording: times per frame for advice, tuning and smoothing, see `experiments.studies.bench_recording`.
 detect: time to find four red marks in a picture of 1280x720: in the whole picture, near expected positions, or by
 OpenCV's SimpleBlobDetector with its default settings.
 scaling: a row for each mesh of a breast with 1,000 to 14,000 nodes and 40 marks, see `experiments.studies.scaling`.
-loop_640x480: time from a frame in memory to the estimate. film_640x480: times to track, draw and write a film's frame.
+loop_640x480: time from a frame in memory to the estimate. film_640x480: times to track a frame, to draw the estimate
+into it, and to write it to a film.
 """
 
 from __future__ import annotations
@@ -92,13 +93,13 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
 
 
 def repeated_ms(work: Callable[[], object], repeats: int) -> float:
-    """Median duration of `work` [ms] in a number of repeats; a first run is not measured."""
+    """Median duration of `work` [ms] over this number of calls, after one call that is not measured."""
     work()
     return 1e3 * float(np.median([seconds_of(work) for _ in range(repeats)]))
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """Three functions that estimate the target after a frame: our filter, filterpy, compiled filterpy."""
+    """Three functions that estimate the target in a frame: with our filter, filterpy, and compiled filterpy."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)
@@ -145,7 +146,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
 
 
 def filter_step() -> dict[str, float]:
-    """Times for one frame by our filter and by filterpy [ms], and their ratios."""
+    """Times of our filter and of filterpy for one frame [ms], and their ratios."""
     ours, plain, compiled = filter_pair()
     ours_ms, plain_ms, compiled_ms = repeated_ms(ours, 300), repeated_ms(plain, 2), repeated_ms(compiled, 5)
     found = {"ours_ms": ours_ms, "filterpy_ms": plain_ms, "filterpy_compiled_ms": compiled_ms}
@@ -153,7 +154,7 @@ def filter_step() -> dict[str, float]:
 
 
 def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
-    """Median time for a frame with association of the marks in `groups` [ms]."""
+    """Median time per frame [ms]; the filter also assigns the marks of each of the groups to nodes."""
     identity = AssociationFilter(tissue, groups)
 
     def step(time_s: float, marks: list[MarkMeasurement]) -> None:
@@ -164,7 +165,7 @@ def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
-    """Time per frame with association of marks, with exact and with uncertain constants [ms]."""
+    """Times per frame [ms] of a filter that also assigns marks to nodes: with exact and with uncertain constants."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = resting_frames(network, OUTER, 0.00414, n_frames)
@@ -175,12 +176,12 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
 
 
 def bodies(n_frames: int = 40) -> dict[str, float]:
-    """Time per frame for two grids, with marks accurate to 0.5 mm [ms]."""
+    """Times per frame of the filter for two grids of nodes [ms]; their marks are accurate to 0.5 mm."""
     return {f"grid_{n}_ms": _grid_ms(side, n_frames) for n, side in ((18, 3), (48, 4))}
 
 
 def _grid_ms(side: int, n_frames: int) -> float:
-    """Time per frame for a cube of 6 cm with `side` nodes along each side; its lowest layer is fixed [ms]."""
+    """Time per frame [ms] for a cube of 6 cm with `side` nodes along each edge; the lowest layer of nodes is fixed."""
     layer = np.arange(float(side))
     places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
@@ -204,7 +205,7 @@ def _grid_ms(side: int, n_frames: int) -> float:
 
 
 def advice() -> dict[str, float]:
-    """Times to predict the target's path, to advise, to plan, and to compute a hit probability [ms], see the module."""
+    """The times of the benchmark `advice` [ms]; the module's docstring explains each of them."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     passed(tissue, resting_frames(network, OUTER, 1e-3, 10))
@@ -242,7 +243,7 @@ def advice() -> dict[str, float]:
 
 
 def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
-    """A function that plans paths from 100 entries above the phantom to five points of the target, past one vessel."""
+    """A function that plans 500 paths: from 100 entries to five tip positions, with one vessel as an obstacle."""
     skin = Skin(np.array([-0.2, 0.33]), np.array([0.2, 0.33]), np.array([0.0, 1.0]), np.radians(60.0), 0.25)
     target = PlannedTarget(network.positions[network.index(HIDDEN)], np.diag([4e-6, 9e-6]), 5e-3)
     needle, vessel = PlannedNeedle(), ball("vessel", np.array([0.05, 0.27]), 0.01)
@@ -288,7 +289,7 @@ def detect(n_frames: int = 60) -> dict[str, float]:
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
-    """Times of detection, filter and the rest of the loop for a frame of 640x480 in memory, and their total [ms]."""
+    """Times for a frame of 640x480 in memory [ms]: detection, filter, all other work, and total."""
     scene, times_s, images = _filmed_webcam(n_frames)
     line, seconds = Line(scene, baseline=False), []
     for exposure_s, image in zip(times_s, images, strict=True):

@@ -1,13 +1,12 @@
-"""Speed of advice, tuning of the model discrepancy, smoothing, and writing of a film.
+"""Speed of advice, of tuning, of smoothing, and of writing a film.
 
-The recording shows the phantom at rest with three marks accurate to 1 mm. Its figures are the row `recording` of
-`softaim bench`.
-advise_ms, advise_by_filter_ms: advice in one frame evaluates 21 start times of the insertion within 2 s. The target's
-predicted path comes from tables or from the filter.
-tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the time of the filter on the same frames.
-smooth_ms, smooth_ratio: the same figures for `fixed_interval`.
+The row `recording` of `softaim bench` is for frames of the phantom at rest, with three marks accurate to 1 mm.
+advise_ms, advise_by_filter_ms: time of the advice in one frame. It evaluates 21 start times of the insertion within
+2 s. For `advise_ms`, the target's path is predicted from tables; for `advise_by_filter_ms`, the filter predicts it.
+tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the filter's time for the same frames
+smooth_ms: time of `fixed_interval` per frame; smooth_ratio: this time divided by the filter's time for the same frames
 
-The row `film_640x480` is for a film with its overlay. Processor times per frame on a busy machine were 4.1 ms for
+The row `film_640x480` is for a film with drawn estimates. Processor times per frame on a busy machine were 4.1 ms for
 tracking, 3.4 ms for drawing and 3.7 ms for compression, in all 11.2 ms. If one of the four marks is missing in every
 frame, the total is 32.5 ms, of which the search for this mark takes 25 ms.
 """
@@ -53,7 +52,7 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Median of durations [ms], without the first tenth of them; seconds: the durations [s]."""
+    """Median of durations [ms]; the first tenth of them is ignored; seconds: durations in order [s]."""
     return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 
@@ -65,7 +64,7 @@ def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float
 
 
 def recording() -> dict[str, float]:
-    """All figures of the row `recording`, see the module."""
+    """All figures of the row `recording`; the module's docstring explains them."""
     frames = resting_frames(four_mass_phantom(), OUTER, MARK_SD_M, N_SMOOTHED)
     return advised(frames) | tuned(frames[:N_TUNED]) | smoothed(frames)
 
@@ -80,7 +79,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Median times of advice in a frame [ms]: the target's path comes from tables, or from the filter."""
+    """Median times of advice in a frame [ms], with a target path from tables and with one from the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
@@ -99,7 +98,7 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Time to tune the model discrepancy on the frames: per frame [ms], and relative to the filter's time [1]."""
+    """Time of `tune_strain` for the frames: per frame [ms], and relative to the filter's time [1]."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}

@@ -1,12 +1,13 @@
 """Study of a camera whose calibration error is constant in a run: error and covariance of the estimated target.
 
 `experiments.simulation.simulate` computes the truth. Runs last 5 s at 30 frames/s; the first 0.5 s is not evaluated.
-The camera is 1.2 m from the plane of the marks. Errors of its lens and pose are drawn once for each run. They are
-scaled so that marks get a given rms error over both axes. Marks also have 0.5 mm of noise. Two filters get the same
-marks. One assumes that mark errors are independent in each frame (n_calibration 0); the other considers the constant
-error of the calibration.
+The camera is 1.2 m from the plane of the marks. The errors of its lens and pose are drawn once for each run. They are
+scaled so that they displace the marks by a given rms error over both axes. Marks also have 0.5 mm of noise. Two filters
+get the same marks. The filter `independent` assumes that the errors of marks are independent in each frame. The filter
+`considered` takes the constant error of the calibration into account.
 
-`python -m experiments.studies.calibration` prints, with 100 runs of each case (latest figures in docs/calibration.md):
+`python -m experiments.studies.calibration` does 100 runs of each case, and prints a table with these columns (latest
+figures in docs/calibration.md):
 
     camera  scenario  error  filter  rms error  rms sigma  in 95 % region  mean NEES
 """
@@ -39,8 +40,8 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Errors before scaling; choice. Whole: lens and pose after a calibration with a dozen pictures; all marks move nearly
-equally. Turned: the lens is exact; the camera is rotated about its axis, and its distance is wrong."""
+"""Errors of the camera before scaling; choice. Whole: lens and pose have errors as after a calibration with a dozen
+pictures. Turned: the lens is exact; the camera is rotated about its axis, and its distance is wrong."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -52,7 +53,7 @@ Run = dict[str, tuple[Floats, Floats]]
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
-    """A camera in front of the phantom, whose calibration error displaces marks at rest by error_m [m] (rms)."""
+    """A camera in front of the phantom; its calibration error displaces marks at rest by error_m (rms) [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",
@@ -91,7 +92,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
 
 
 def figures(runs: list[Run], name: str) -> dict[str, float]:
-    """Figures of one filter over all runs: rms error [mm], rms sigma [mm], coverage of the 95 % region, mean NEES."""
+    """Figures of one filter over all runs: rms error [mm], rms standard deviation [mm], coverage, and mean NEES."""
     errors, covs = (np.concatenate(parts) for parts in zip(*(one[name] for one in runs), strict=True))
     nees = normalised_error_squared(errors, covs)
     return {

@@ -1,4 +1,4 @@
-"""Simulation, film and track of the paper's two scenarios: what `softaim demo` does.
+"""Simulate, film and track the paper's two scenarios, as `softaim demo` does.
 
 Its table has the form of [paper] section IV: mean absolute error ± SD of the hidden mass in each scenario.
 """
@@ -28,7 +28,7 @@ def tracked(
     *,
     stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Film a scenario into the folder `recording` and track it; seed: replaces the scenario's seed."""
+    """Film a scenario into the folder `recording`, and track it; stage: as in `demo`."""
     scenario = read_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
@@ -49,9 +49,8 @@ def demo(
 ) -> Figures:
     """Write recordings and tracks of both scenarios to the folder `out`; returns figures by scenario and method.
 
-    vector: "pdf" or "svg" to write each plot also as such a file
-    stage: function that is called with the name of each part of the work; it returns a function that is called with
-    the completed share of this part
+    vector: second file format of each plot, "pdf" or "svg"; None for no second file
+    stage: function that begins a part of the work with this name, and returns a function to report its completed share
     """
     from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 

@@ -1,4 +1,4 @@
-"""What all studies share: grids of cases, runs, options of the command, and output."""
+"""Functions that all studies share: grids of cases, runs, options of the command, and output."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def study_options(
 
     doc: docstring of the study's module; its first line becomes the description
     out: whether the option --out is added; page: page of docs/ whose tables --page rewrites, empty for none
-    seeds: default number of runs of each case, and default first seed; runs: name of the option for this number
+    seeds: default number of runs of each case, and default first seed; runs: name of the option for the number of runs
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -52,7 +52,7 @@ def study_options(
         words = "runs of each case; default: %(default)s"
         parser.add_argument(runs, dest="n_seeds", type=one_or_more, default=n, help=words)
         parser.add_argument("--first-seed", type=int, default=first, help="first seed; default: %(default)s")
-    parser.add_argument("--processes", type=one_or_more, help="on this machine; default: one for each core")
+    parser.add_argument("--processes", type=one_or_more, help="number of processes; default: one per core")
     parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
     return parser
 
@@ -70,7 +70,7 @@ def seeds_of(given: argparse.Namespace) -> range:
 
 
 def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The names that an option states, or all known names if it states none. Raises InputError for other names."""
+    """The names given with an option, or all known names if none is given. Raises InputError for an unknown name."""
     every = list(known)
     for name in names:
         if name not in every:
@@ -109,9 +109,9 @@ def command(main: Main) -> Callable[..., int]:
 
 
 def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str], file: Path | None = None) -> None:
-    """Print a text, and write it to a file, if there is one.
+    """Print a text, and write it to `file` if it is given.
 
-    With `--page`, also rewrite parts of the study's page; parts: new text by the part's name
+    With `--page`, also rewrite parts of the study's page; parts: new text of each part, by name
     """
     if file is not None:
         write_whole(file, text)

@@ -1,7 +1,7 @@
-"""Error of the hidden mass by the paper's method and by the filter, with true constants.
+"""Error of the hidden mass for the paper's method and for the filter, with true constants.
 
 Reproduces the comparison in [paper] section IV at a camera's frame rate, 30 frames/s. The marks have the paper's noise:
-"4.14 ± 1.47 mm", read as a standard deviation of 4.14 mm on each axis. SciPy's RK45 computes the truth.
+"4.14 ± 1.47 mm". The study uses a standard deviation of 4.14 mm on each axis. SciPy's RK45 computes the truth.
 `python -m experiments.studies.hidden_error` prints figures of 20 runs of 20 s (latest figures in README.md).
 """
 
@@ -33,7 +33,7 @@ def study(scenario: str, seeds: range, given: argparse.Namespace | None = None) 
 
 
 def main() -> None:
-    """Print the figures of both scenarios."""
+    """Print the figures of the scenarios `quiet` and `poked`."""
     given = study_options(__doc__, out=False).parse_args()
     for scenario in ("quiet", "poked"):
         print_figures(f"{scenario:8}", study(scenario, SEEDS, given))

@@ -1,15 +1,15 @@
-"""Coverage of the target for marks with different noise; the scene's constants are exact.
+"""Coverage of the target by the 95 % region for marks with different noise, with exact constants of the tissue.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
 SciPy's DOP853 computes the truth. Marks have Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s. The noise that the
-scene states is exact, ten times too large, or three times too small. The body is at rest, or a breath of 1, 2 or 4 m/s²
-(period 3 to 6 s), pokes of 5 m/s², or both move it. The first second is not evaluated.
+scene states is exact, ten times too large, or three times too small. The body is at rest, or it is moved by a breath of
+1, 2 or 4 m/s² with a period of 3 to 6 s, by short forces of 5 m/s², or by both. The first second is not evaluated.
 
-Latest coverage of both phantoms, with seeds 500 and 501. Exact noise: 97 to 100 % in 59 of 60 cells, and 81 % for the
-light phantom with a breath of 4 m/s² and 0.3 mm of noise. Stated noise too large: 88 to 100 %. Stated noise too small:
-88 to 100 % with up to 4.14 mm of true noise, 56 to 93 % with more.
+Latest coverage of both phantoms, with seeds 500 and 501. With exact stated noise, 59 of 60 cases have 97 to 100 %, and
+the light phantom with a breath of 4 m/s² and 0.3 mm of noise has 81 %. With too large stated noise, all cases have 88
+to 100 %. With too small stated noise, cases with at most 4.14 mm of true noise have 88 to 100 %, others 56 to 93 %.
 """
 
 from __future__ import annotations
@@ -42,19 +42,22 @@ PUSHES = {
     "pokes": Pushes(5.0, 0.0),
     "both": Pushes(5.0, 2.0),
 }
-"""Forces on the body, by name: accelerations by pokes, and by a breath with a period of 3 to 6 s [m/s²]."""
+"""Forces on the body, by name: accelerations by short forces, and by a breath with a period of 3 to 6 s [m/s²]."""
 
 AFTER_S = 1.0
-"""Time from which frames are evaluated [s]: the start has its own tests."""
+"""Time from which frames are evaluated [s]."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Do a run, and return its row.
+    """Do one run, and return its figures.
 
-    case: body; pushes: name of the forces; seed; sd_m: true noise of marks [m]; stated: ratio of stated to true noise
-    frames, lost: number of frames, and of frames whose status permits no guidance; the other figures omit lost frames
-    covered, wrong: number of frames with the truth in the 95 % region, and with a wrong estimate
-    nees: mean NEES per dimension; error_mm, sd_mm: root mean square of error and of standard deviation, for each axis
+    A case has the keys `body`, `pushes` (name of the forces), `seed`, `sd_m` (true noise of marks [m]), `stated` (ratio
+    of stated to true noise), and `duration_s` [s].
+
+    frames: number of evaluated frames; lost: number of these frames whose status permits no guidance
+    covered: number of frames whose 95 % region contains the truth; wrong: number of frames with a wrong estimate
+    nees: mean NEES per dimension; error_mm, sd_mm: root mean square error and standard deviation per axis [mm]
+    All figures after `lost` omit the lost frames.
     """
     scene, frames, truth = recorded(case)
     line = Line(scene, baseline=False)
@@ -78,7 +81,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
-    """The scene of a case, its frames, and the target's true position in each frame [m]; case: as in `run`."""
+    """The scene of a case, its frames, and the target's true position in each frame [m]; case: see `run`."""
     duration_s, scene = float(case["duration_s"]), scene_of_body(case["body"])
     motion = motion_of(scene, Truth(pushes=PUSHES[case["pushes"]]), case["seed"], duration_s)
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
@@ -99,7 +102,7 @@ CELL = ["body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each cell: shares of covered and of wrong frames in frames with guidance; medians of other figures."""
+    """A row for each case, over all seeds: `covered` and `wrong` as shares of frames, medians of the other figures."""
     cells = runs.groupby(CELL, sort=False)
     sums = cells[["frames", "lost", "covered", "wrong"]].sum()
     seen = sums["frames"] - sums["lost"]
@@ -111,7 +114,7 @@ def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the missing runs of the folder, and write cells.csv."""
+    """Do the runs that the output folder lacks, and write cells.csv."""
     parser = study_options(__doc__, seeds=(20, 0))
     parser.add_argument("--bodies", action="append", choices=list(BODIES), help="body; repeat for several")
     parser.add_argument("--pushes", action="append", choices=list(PUSHES), help="push; repeat for several")

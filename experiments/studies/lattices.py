@@ -2,8 +2,8 @@
 
     python -m experiments.studies.lattices --out DIR    # --page writes the tables to docs/lattices.md
 
-Each structure has correction factors, which are fitted to its boxes of seeds 0 to 3 and tested on other boxes. If the
-study succeeds, DIR gets summary.json, rows.csv, tables.md and lattices.png. Latest figures: docs/lattices.md.
+The correction factors of a structure are fitted to boxes with the seeds 0 to 3, and tested on other boxes. DIR gets
+summary.json, rows.csv, tables.md and lattices.png. Latest figures: docs/lattices.md.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from experiments.plots.style import (
 from experiments.studies.grid import chosen, command, publish, runs_of, seeds_of, study_options
 
 SIDE_M = 0.024
-"""Side length [m]; moduli do not depend on it."""
+"""Side length of a box [m]; the moduli do not depend on it."""
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
@@ -73,14 +73,14 @@ Row = dict[str, Any]
 
 
 def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tissue]]:
-    """A lattice of a structure, and the structure's tissues."""
+    """A random lattice of a structure, and the structure's tissues."""
     make, names = STRUCTURES[kind]
     rng = np.random.default_rng(seed)
     return lattice_of(make(rng), SIDE_M, cells, rng), [TISSUES[name] for name in names]
 
 
 def fit(job: tuple[str, Sequence[int], int]) -> Floats:
-    """Fit the correction factors of a structure, (6,); job: the structure, the boxes' seeds, the number of cells."""
+    """Fit the correction factors of a structure, (6,); job: structure, seeds of its boxes, number of cells per side."""
     kind, seeds, cells = job
     samples = []
     for seed in seeds:
@@ -91,7 +91,7 @@ def fit(job: tuple[str, Sequence[int], int]) -> Floats:
 
 
 def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
-    """Rows of one box: a row for the material, and a row for the springs of each method.
+    """Results for one box: a row for its finite elements, and a row for the springs of each method.
 
     job: structure, seed, number of cells, correction factors of the structure
     alignment: mean of `Lattice.alignment` over the structure's springs
@@ -142,7 +142,7 @@ WORDS = {
     "lloyd": "Lloyd",
     "fitted": "fitted to other boxes",
 }
-"""Methods in words, by name; factors fitted to the box itself have no error."""
+"""Headings of the methods in the table of errors, which omits `own`, because its errors are zero."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -156,9 +156,10 @@ PARTS = {
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Means over boxes, by structure and method, with the errors of Young's modulus.
+    """Means over boxes for each structure and method, with two errors of Young's modulus.
 
-    `largest_mean_error`: largest mean error of any direction; `largest_error`: largest error of any box and direction
+    `largest_mean_error`: mean error over boxes, in the direction in which it is largest
+    `largest_error`: largest error in any box and any direction
     """
     by = ["structure", "method"]
     true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]
@@ -170,7 +171,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(means: pd.DataFrame) -> dict[str, str]:
-    """The tables of a page, by name, from a `summary`."""
+    """The tables of docs/lattices.md, by name; means: a `summary`."""
     kinds = list(means.index.unique("structure"))
     heads = ("structure", "tissues", "alignment", "E [kPa]", "springs")
     entries, errors, limits = [], [], []
@@ -205,7 +206,7 @@ COLORS = ("0.75", OURS, VERMILLION)
 """Colours of springs by tissue: first the surrounding tissue."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Position of the drawn plane along y by structure, relative to the side; 0.5 for others."""
+"""Position of the drawn plane along y, relative to the side of the box, by structure; 0.5 for other structures."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
@@ -216,7 +217,7 @@ STYLES: dict[str, dict[str, Any]] = {
 
 @styled
 def picture(means: pd.DataFrame, cells: int) -> Figure:
-    """A column of plots for each structure: above, springs in a plane perpendicular to y; below, moduli."""
+    """Two plots for each structure: springs in a plane perpendicular to y, and moduli."""
     figure = new_figure(PAGE_MM, 95.0)
     kinds = list(means.index.unique("structure"))
     axes = figure.subplots(2, len(kinds), squeeze=False, height_ratios=[1.0, 1.1])
@@ -231,7 +232,7 @@ def picture(means: pd.DataFrame, cells: int) -> Figure:
 
 
 def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
-    """Draw the springs near the plane; springs in the structure's tissues have wider lines."""
+    """Draw the springs near a plane perpendicular to y; springs inside the structure have wider lines."""
     lattice, tissues = lattice_by_seed(kind, SHOWN_SEED, cells)
     ends = 1e3 * lattice.mesh.nodes[lattice.springs]
     near = (np.abs(ends[:, :, 1] - 1e3 * PLACES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)
@@ -259,7 +260,7 @@ def _draw_moduli(ax: Axes, young_kpa: pd.DataFrame) -> None:
 
 
 FITTED_SEEDS = range(4)
-"""Seeds of the boxes to which factors are fitted; choice: other seeds than those of the reported boxes."""
+"""Seeds of the boxes to which factors are fitted. The reported boxes have other seeds; choice."""
 
 CELLS = 10
 """Number of cells along a side of a box; choice: a box takes some seconds."""
@@ -270,7 +271,7 @@ FEWEST_CELLS = 6
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the results."""
+    """Run the study, and write its results."""
     parser = study_options(__doc__, out=False, page="lattices.md", seeds=(6, 1000))
     parser.add_argument("--out", type=Path, required=True, help="output folder, new or empty")
     parser.add_argument("--structures", default="", help="structures, separated by commas; default: all")

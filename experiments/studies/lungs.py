@@ -4,7 +4,7 @@
 
 FOLDER has tables `case1.csv` and so on, with columns `landmark,phase,x_mm,y_mm,z_mm`. Phase 0 is at the end of
 inhaling, the last phase at the end of exhaling. The page uses the landmarks of DIR-Lab [castillo2009], which are not
-part of the repository. Each lung is a body without anchors. Latest figures: docs/zoo.md.
+part of the repository. The model of a lung has no fixed nodes. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ PHASE_S = 0.4
 class Lung:
     """One lung of a person.
 
-    name: name of the file and the side; positions: positions of its landmarks [m], (n_phases, n, 3)
-    hull, inner: indices of landmarks on the convex hull in the first phase, and of landmarks inside it
+    name: name of the file, and the side; positions: positions of the landmarks [m], (n_phases, n, 3)
+    hull, inner: indices of landmarks on and inside the convex hull of the first phase
     """
 
     name: str
@@ -73,13 +73,13 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table; the widest gap along x separates them. Raises InputError."""
+    """The two lungs of a table, separated by the widest gap between landmarks along x. Raises InputError."""
     positions = _by_phase(read_table(path, COLUMNS))
     return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Whether each landmark belongs to the right and to the left lung, (n,) each; places: positions, (n, 3)."""
+    """Masks of the landmarks in the right and the left lung, (n,) each; places: positions of landmarks, (n, 3)."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -87,7 +87,7 @@ def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
 
 
 def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
-    """The convex hull of the landmarks of a lung, (n, 3); raises InputError."""
+    """The convex hull of the points `places`, (n, 3). Raises InputError, which names file and side of the lung."""
     try:
         return ConvexHull(places)
     except (QhullError, ValueError):
@@ -96,7 +96,7 @@ def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
 
 
 def _by_phase(table: Table) -> Floats:
-    """Positions from a table with one row for each phase and landmark [m], (n_phases, n_landmarks, 3)."""
+    """Positions [m], (n_phases, n_landmarks, 3), from a table with one row for each phase and landmark."""
     numbers = table.numbers
     if table.n_rows == 0:
         raise InputError.at(table.path, "a row for each landmark in each phase", "none")
@@ -127,12 +127,12 @@ def _lung(path: Path, side: str, positions: Floats) -> Lung:
 
 @dataclass(frozen=True, slots=True)
 class LungConstants:
-    """Constants, which are the same for all lungs.
+    """Constants of the network of a lung, the same for all lungs.
 
-    strand_n: stiffness of a spring times its length [N], for a strand of 20 mm x 20 mm with 2 kPa; choice
-    damping_s: dashpot of a spring divided by its stiffness [s], because air and blood follow slowly; choice
+    strand_n: stiffness of a spring times its length [N], as for a strand of 20 mm x 20 mm with 2 kPa; choice
+    damping_s: ratio of a spring's damping to its stiffness [s]; choice
     mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
-    reading_sd_m: sd of a landmark's read position on each axis [m]; source: readers differ by about 1 mm
+    reading_sd_m: sd of a landmark's measured position on each axis [m]; source: readers differ by about 1 mm
     """
 
     strand_n: float = 0.8
@@ -154,7 +154,7 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
 
 
 def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
-    """The network with nodes at these points, its rest shape [m], (n, 3); without gravity."""
+    """A network with nodes at these points [m], (n, 3). It has no gravity, and the points are its rest shape."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
@@ -172,13 +172,13 @@ def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
 
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""Numbers of landmarks on the hull that the methods see, by name; None: all."""
+"""Number of landmarks on the hull that the methods use as marks, by name; None: all of them."""
 
 
 def by_spline(lung: Lung, seen: str) -> pd.DataFrame:
-    """Errors without motion and of a thin-plate spline: a row for each phase but the first, and inner landmark.
+    """Errors of a thin-plate spline, and errors if no motion is assumed; seen: one of `SEEN`.
 
-    seen: one of `SEEN`
+    Each inner landmark has a row for each phase after the first.
     """
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
@@ -206,13 +206,13 @@ def inner_landmarks(job: tuple[Lung, str]) -> pd.DataFrame:
     if filtered.failure:
         return found.assign(failure=f"not possible yet: {filtered.failure}")
     errors = (filtered.means[1:] - lung.positions[1:, lung.inner]).reshape(-1, 3)
-    # the true position of a landmark, read by a person, has an error, too
+    # a person has measured the true position, so that it has an error, too
     read = filtered.covs[1:].reshape(-1, 3, 3) + constants.reading_sd_m**2 * np.eye(3)
     return found.assign(filter_mm=1e3 * np.linalg.norm(errors, axis=1), nees=normalised_error_squared(errors, read))
 
 
 def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
-    """Frames of a lung, one for each phase, with marks on the landmarks with the indices `marked`."""
+    """Frames of a lung, one for each phase; marked: indices of the landmarks that are marks."""
     return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
 
 
@@ -237,7 +237,7 @@ HEAD = (
 
 
 def markdown(errors: pd.DataFrame) -> str:
-    """The table of all rows of `inner_landmarks`, and below it the lungs on which the filter failed."""
+    """The table in Markdown from all rows of `inner_landmarks`, and below it the reasons of the filter's failures."""
     rows = []
     for seen in SEEN:
         own = errors[errors["seen"] == seen]
@@ -252,7 +252,7 @@ def markdown(errors: pd.DataFrame) -> str:
 
 
 def _mean(table: pd.DataFrame, column: str) -> str:
-    """Mean of the column as text; empty if a value is missing, because the mean would then omit landmarks."""
+    """Mean of the column as text; empty if a value is missing."""
     return "" if table[column].isna().any() else f"{table[column].mean():.2f}"
 
 

@@ -3,9 +3,9 @@
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
-Camera, lamps, surface and motion differ from run to run (`vision.synthetic_run`). The hue is learned from one click;
-expected positions of marks have an error of 3 px on each axis. A mark counts as visible if more than half of it is
-visible. A detection is false if it is farther from the centre of the mark with its name than the mark's radius.
+Camera, lamps, surface and motion differ from run to run (`vision.synthetic_run`). The hue is learned from one mark in
+the first frame. Expected positions of marks have an error of 3 px on each axis. A mark counts as visible if more than
+half of it is visible. A detection is false if its distance from the centre of the named mark exceeds the mark's radius.
 study/marks.json has the figures of docs/marks-study.md; study/marks.csv has a row for each mark in each frame.
 """
 
@@ -55,11 +55,11 @@ LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
 """First seed of the study; smaller seeds were used for choices."""
 VISIBLE = 0.5
-"""Share of a mark above which it counts as visible."""
+"""Visible share of a mark above which the mark counts as visible."""
 FAR_PX = 4.0
 """Distance from the true position above which a mark counts as far [px]; its error still enters the rms error."""
 PREDICTED_SD_PX = 3.0
-"""Error of a mark's expected position on each axis [px]; the tissue filter's error is less at 1 mm per pixel."""
+"""Error of a mark's expected position on each axis [px]. The filter of the tissue has a smaller error at 1 mm/px."""
 
 
 def run(case: Case) -> list[dict[str, object]]:
@@ -108,7 +108,7 @@ def run(case: Case) -> list[dict[str, object]]:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
-    """Figures of the rows of one of `LEVELS`."""
+    """Figures of detection, from the rows of one of `LEVELS`."""
     visible = rows[rows.visible > VISIBLE]
     seen = visible[visible.found.astype(bool)]
     right = seen[~seen.false.astype(bool)]
@@ -130,10 +130,10 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
-    """Follow two marks of one hue that touch or overlap while they cross, at 2 px per frame or more.
+    """Follow two marks of one hue that cross and touch; their relative speed is 2 px per frame or more.
 
-    A filter with constant velocity predicts each mark. Returns how often a mark was found nearer to the other mark's
-    true position while the marks did not touch, and the number of frames.
+    A filter with constant velocity predicts each mark. Returns the number of exchanges, and the number of frames. In an
+    exchange, a mark is found nearer to the other mark's true position while the marks do not touch.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
@@ -168,7 +168,7 @@ def crossings(n_runs: int, given: argparse.Namespace) -> dict[str, float]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run both levels with each seed; write marks.csv, marks.json and the folder `runs`, and print the figures."""
+    """Run both of `LEVELS` with each seed, and write and print the figures."""
     parser = study_options(__doc__, seeds=(100, FIRST_SEED), runs="--runs")
     parser.add_argument("--frames", type=int, default=60)
     given = parser.parse_args(arguments)

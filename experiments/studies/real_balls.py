@@ -4,8 +4,8 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and a ball half covered by a hand. Hues are learned from one position in one frame. DIR gets real-balls.json, and a
-table for each film with a row for each frame. Latest figures: docs/real-film.md.
+and a ball half covered by a hand. The hue of a ball is learned from one position in a frame. DIR gets real-balls.json
+and a table for each film with a row for each frame. Latest figures: docs/real-film.md.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from experiments.studies.grid import command, print_figures
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, VideoFileFrames, learn_hue
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
-"""Labels of balls, some by two people (1 and 2): film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by.
+"""Labels of balls, with the columns film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by.
 
-u_seen, v_seen: whether both sides of the ball that determine the coordinate were visible."""
+u_seen, v_seen: whether both edges of the ball along u or v are visible; by: person who labelled the ball, 1 or 2"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +40,9 @@ class Film:
     """A film of a ball, and how to find and follow the ball.
 
     path: path in the folder of real pictures
-    click: frame, u and v of a position on the ball [px]; radius_px: the ball's radius in this frame
+    click: number of a frame, and position of the ball in it (u and v [px]); radius_px: radius of the ball in this frame
     jolt_px: amplitude density of the ball's white acceleration in the picture [px/s²/sqrt(Hz)]
-    focal_px: focal length of the camera, typical for telephones
+    focal_px: focal length of the camera, assumed as typical for telephones
     size_sd: relative sd of the ball's size; follow_size: share of the size error that a new detection corrects
     """
 
@@ -63,7 +63,7 @@ FILMS = {
 
 
 START_SD_PX = 5.0
-"""Standard deviation of a stated position in the first frame on each axis [px]; choice."""
+"""Standard deviation of a given position in the first frame on each axis [px]; choice."""
 GONE = 10
 """Number of frames without a detection after which a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
@@ -76,8 +76,7 @@ class PxFollower:
     hues: colour range of each mark, by its name
     jolt_px: amplitude density of a mark's white acceleration in the picture [px/s²/sqrt(Hz)]
     starts_px: positions of marks in the first frame, each (2,), with sd START_SD_PX; other marks may be anywhere
-    State: a filter for each mark that is followed; for each mark, the number of frames since its last detection; the
-    time of the last frame.
+    filters: a Kalman filter for each mark that is followed, by name
     """
 
     def __init__(
@@ -134,7 +133,7 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
-    """Matrix, (2, 2), that stretches a ball's image as perspective does; offset_px: from the picture's centre, (2,)."""
+    """Matrix, (2, 2), that stretches the image of a ball as perspective does; offset_px: ball minus centre, (2,)."""
     length = float(np.hypot(*offset_px))
     if length == 0.0:
         return np.eye(2)
@@ -172,7 +171,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
 
 
 def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
-    """Errors of the detected ball [px]. A coordinate is used if the ball is visible on both sides along it."""
+    """Errors of the detected ball relative to labels [px], along axes on which both edges of the ball are visible."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
@@ -205,7 +204,7 @@ def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Track the ball of every film, write the tables, and print errors relative to labels, if there are any."""
+    """Track the ball of every film, and write the tables. If a film has labels, print the errors relative to them."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, help="folder of the real pictures")
     parser.add_argument("--out", type=Path, required=True)

@@ -1,19 +1,20 @@
 """A filmed red ball on a cord: a test of the filter's covariance on real data.
 
 The film is `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f (MIT): 334 frames, 360x640, 29.9 frames/s. A
-hand releases the ball; it swings, hits a wall just before its lowest point, and finally leans on it. The model has one
-anchor, one mass and one stiff spring; the wall is not in it and acts as an unknown force.
+hand releases the ball. The ball swings, hits a wall just before its lowest point, and finally leans on the wall. The
+model has one fixed node, one mass and one stiff spring. It has no wall; the wall acts as an unknown force.
 
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
 The command makes DIR/recording for `softaim track`, and tracks it. Then it withholds the mark for 0.3 s at a time, and
-compares prediction and measurement: DIR/report.json, DIR/withheld.png. Latest figures: docs/real-film.md.
+compares predicted with measured positions. It writes DIR/report.json and DIR/withheld.png. Latest figures:
+docs/real-film.md.
 
-The ball swings in a plane that forms an angle with the picture's plane, so that its circular path looks like an oval.
-This angle, about the vertical, is the only unknown of the plane's homography. The scale follows from gravity and the
-frequency w of the swing. Between two impacts on the wall the ball swings freely, with an angle theta that obeys
-theta'' = -w² sin(theta - theta_0) - 2 c theta', where c is the damping. One w is fitted to these free flights; the
-cord's length is 9.81 / w².
+The plane of the swing is rotated about the vertical, relative to the picture's plane. The angle of this rotation is the
+only unknown of the homography from plane to picture. The scale follows from gravity and the frequency w of the swing.
+Between two impacts on the wall, the ball swings freely, and its angle theta obeys
+theta'' = -w² sin(theta - theta_0) - 2 c theta', where theta_0 is the rest angle and c the damping. One w is fitted to
+all free flights. The cord's length is 9.81 / w².
 """
 
 from __future__ import annotations
@@ -66,10 +67,10 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Plane in which the ball swings. Its origin is the hook; its unit is the length that one pixel shows there.
+    """Plane in which the ball swings. Its origin is the hook; its unit is the length that a pixel covers at the hook.
 
     narrowing: cosine of the angle between this plane and the picture's plane
-    nearing: relative increase of the distance from the camera per unit to the right
+    nearing: relative increase of the distance from the camera per unit of length to the right [1]
     center_px: intersection of the optical axis with the picture, (2,)
     radius_px: length of the cord in units of the plane
     """
@@ -115,12 +116,12 @@ class Swing:
 
     @property
     def mm_per_px(self) -> float:
-        """Height that one pixel shows at the hook's distance [mm]."""
+        """Height that a pixel covers at the hook [mm]."""
         return 1e3 * self.length_m / self.plane.radius_px
 
 
 def seen_centers(film: Path) -> tuple[Floats, Floats]:
-    """Exposure times [s], (n,), and centres of the ball [px], (n, 2); InputError if a frame shows none."""
+    """Exposure times [s], (n,), and centres of the ball [px], (n, 2). Raises InputError if a frame shows no ball."""
     rows = followed(film, FILMS["red-pendulum"])
     if not rows.seen.all():
         raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")
@@ -163,7 +164,7 @@ def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float
 
 
 def _strikes(u: Floats) -> list[int]:
-    """Frames in which the ball hits the wall: it moves to the right before, and to the left after the frame."""
+    """Frames in which the ball hits the wall: before the frame it moves to the right, afterwards to the left."""
     return [
         k
         for k in range(FIRST_FREE, len(u) - 4)
@@ -172,7 +173,7 @@ def _strikes(u: Floats) -> list[int]:
 
 
 def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
-    """Scene with one anchor at the origin, one mass and one stiff spring. Gravity is tilted by the rest angle."""
+    """Scene with a fixed node at the origin, a mass and a stiff spring. Gravity is tilted by the rest angle."""
     down = np.array([np.sin(swing.rest_angle), -np.cos(swing.rest_angle)])
     network = build_network(
         [HOOK, BALL],
@@ -193,7 +194,7 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
 
 
 def write_recording(film: Path, folder: Path) -> Swing:
-    """Convert the film to a recording in an existing folder; returns the fitted pendulum, which gives the scale."""
+    """Convert the film to a recording in an existing folder; returns the fitted pendulum."""
     with vision.VideoFileFrames(film) as frames:
         height, width = next(iter(frames)).image.shape[:2]
     times, centers = seen_centers(film)
@@ -205,13 +206,13 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Whether the mark is withheld in each frame, (n,): for 0.3 s in each second, from the time offset_s [s] on."""
+    """Whether the mark is withheld in each frame, (n,): for the first 0.3 s of each second after offset_s [s]."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 
 
 def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
-    """Write a recording of the found marks, except in withheld frames; returns whether each frame is withheld."""
+    """Write a recording of the marks that were found, without the withheld ones; returns a mask of withheld frames."""
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
@@ -227,7 +228,7 @@ def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.boo
 
 
 def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[str, dict[str, float]], list[Track]]:
-    """Track once for each of `OFFSETS_S`; returns figures of withheld frames by the ball's state, and the tracks."""
+    """Track with withheld marks, once for each of `OFFSETS_S`. Returns figures by the ball's state, and tracks."""
     places = np.array([step.marks[0].position for step in seen.steps])
     mark_covs = np.array([step.marks[0].cov for step in seen.steps])
     errors, covs, kinds, runs = [], [], [], []
@@ -247,7 +248,7 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
 
 
 def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
-    """State of the ball: held; flying since the mark was withheld; after an impact since then; or leaning."""
+    """State of the ball while its mark is withheld: "held" by the hand, "flying", "after impact", or "leaning"."""
     first = frame - int(np.argmin(hidden[frame::-1]))
     if frame <= FIRST_FREE:
         return "held"

@@ -1,10 +1,10 @@
 """Cost of an estimate for meshes of different size: breasts of 1,000 to 14,000 nodes with 40 marks.
 
 Each mesh is measured in a separate process and gives a row.
-prepare_s: time from the mesh to the first estimate; cached_s: the same with a continuum that is read from a file
+prepare_s: time from the mesh to the first estimate; cached_s: time from a prepared network to the first estimate
 ms_per_estimate: median time of an estimate while the body bends; memory_mb: peak memory of the process
 
-    python -m experiments.studies.scaling      # writes the table of docs/meshes.md and docs/images/scaling.png
+    python -m experiments.studies.scaling      # writes docs/images/scaling.png, and the table of docs/meshes.md
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def scaling() -> list[Row]:
 
 
 def row(across: int, deep: int) -> Row:
-    """The row of a mesh with these numbers of cells."""
+    """The row of a mesh with these numbers of cells across and in depth."""
     mesh, fixed = breast_mesh(across, deep)
     points = breast_points(mesh, fixed, N_MARKS)
     began = time.perf_counter()

@@ -1,10 +1,10 @@
-"""Benefit of each mechanism of the filter: the same recordings with one mechanism turned off at a time.
+"""Benefit of each mechanism of the filter: results for the same recordings when one mechanism is turned off.
 
     python -m experiments.studies.ablation --out FOLDER --lungs LUNGS      # --page writes docs/ablation.md
     python -m experiments.studies.ablation --out FOLDER --only outliers --bodies phantom
 
-LUNGS is a folder of landmark tables, see `experiments.studies.lungs`. An interrupted study continues in its folder, and
-does only the missing runs. Latest figures: docs/ablation.md.
+LUNGS is a folder of landmark tables, see `experiments.studies.lungs`. An interrupted study continues in its folder.
+Latest figures: docs/ablation.md.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodie
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""Figures of a run; a mechanism changes a run if any of these figures differs without the mechanism."""
+"""Figures of a run. A mechanism changes a run if it changes any of these figures."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures of the filter without the mechanism `off` on the recording of a case.
+    """Figures of the filter on the recording of a case, without the mechanism that the case names in `off`.
 
     error_m: mean error of hidden points in all frames; covered: coverage of the 95 % region; nees: NEES per dimension
     lost: number of frames that are not TRACKING; failed: why the run ended early, if it did
@@ -51,13 +51,14 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each mechanism: the change of errors and coverage without the mechanism.
+    """A row for each mechanism: how errors and coverage change if it is turned off.
 
-    error: ratio of the mean errors without the mechanism and with it, geometric mean over bodies [1]
-    covered: change of coverage in percentage points, mean over bodies. Both means omit bodies without a change, unless
-    no body has a change.
+    error: mean error without the mechanism divided by mean error with it; geometric mean over bodies [1]
+    covered: change of coverage in percentage points; mean over bodies
     changed, bodies: number of bodies with a change, and of all bodies; failed: number of runs that ended early
-    most: largest error ratio of a body, and this body; least: lowest change of coverage of a body, and this body
+    most: largest error ratio, and the body that has it; least: lowest change of coverage, and the body that has it
+
+    If any body has a change, `error` and `covered` omit the bodies without a change.
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []
@@ -75,7 +76,7 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def whole_filter(runs: pd.DataFrame) -> str:
-    """Table in Markdown of the filter with all mechanisms: a row for each body."""
+    """Table in Markdown for the filter with all mechanisms, with a row for each body."""
     whole = runs[runs["off"] == WHOLE].groupby("body", sort=False)[["error_m", "covered"]].mean()
     rows = [(str(body), f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f}%") for body, m in whole.iterrows()]
     return markdown_table(WHOLE_HEAD, rows)
@@ -96,7 +97,7 @@ def _shown(row: Any) -> tuple[str, ...]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the missing runs of the folder, and write the table."""
+    """Do the runs that the output folder lacks, and write the table."""
     parser = study_options(__doc__, page="ablation.md", seeds=(1, FIRST_SEED))
     parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")

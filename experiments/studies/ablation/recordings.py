@@ -48,7 +48,7 @@ class Recording:
 
 
 def _zoo(name: str, constants: str, seconds: float, first: int = 0) -> Callable[[int], Recording]:
-    """Function that returns the recording of a body of the zoo for a seed; first: number of the first frame."""
+    """Function that makes a recording of this body of the zoo from a seed; first: number of the first frame to use."""
 
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
@@ -81,7 +81,7 @@ def _four_masses(outliers: float, model: Callable[[int], Model], seconds: float)
 
 
 def lung(folder: Path) -> Recording:
-    """Recording of the first lung of the folder, whose marks are ten landmarks on its hull."""
+    """Recording of the first lung in the folder, with ten landmarks on its hull as marks."""
     one, constants = read_lungs(folder)[0], LungConstants()
     marked, sd_m = one.seen(10), constants.reading_sd_m
     seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
@@ -113,5 +113,5 @@ LUNG = "lung"
 
 @lru_cache(maxsize=1)
 def recording(body: str, seed: int, lungs: str) -> Recording:
-    """The recording of a body, cached for the next call; body: `LUNG` or one of `BODIES`; lungs: folder."""
+    """The recording of a body; body: `LUNG` or one of `BODIES`; lungs: folder of landmark tables."""
     return lung(Path(lungs)) if body == LUNG else BODIES[body](seed)

@@ -1,4 +1,4 @@
-"""Mechanisms of the filter, and for each mechanism its code and how to turn it off."""
+"""The mechanisms of the filter that the study turns off one at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from experiments.studies.ablation.recordings import Recording
 WHOLE = "whole filter"
 
 FORCES, FIELD = Disturbances(), Discrepancy()
-"""The default priors."""
+"""Default priors: of the forces on the tissue, and of the displacements that the model leaves out."""
 
 Fields = Mapping[str, Any]
 
@@ -53,7 +53,7 @@ class Switch:
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
     def filter(self, given: Recording) -> TissueFilter:
-        """The filter for a recording without the mechanism. Use it only in the context `patched`."""
+        """A filter for the recording, with the mechanism turned off. Use it only in the context `patched`."""
         settings = replace(given.settings, **self.settings)
         return TissueFilter(
             given.network,
@@ -66,7 +66,7 @@ class Switch:
         )
 
     def patched(self) -> ExitStack:
-        """Context in which the patches are applied."""
+        """Context in which `patches` replace attributes of `estimators.core`."""
         stack = ExitStack()
         for place, value in self.patches.items():
             stack.enter_context(patch(f"estimators.core.{place}", value))
@@ -134,4 +134,4 @@ SWITCHES: Mapping[str, Switch] = {
         knows_constants=False,
     ),
 }
-"""Switches by the name of the mechanism; the first turns nothing off."""
+"""Switches by name of the mechanism; the first leaves all mechanisms on."""

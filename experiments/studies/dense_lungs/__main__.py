@@ -41,7 +41,7 @@ WORDS = {
 
 
 def table_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each place, number of marks and method: means over hidden landmarks, NaN if the method ever failed.
+    """A row for each place of marks, number of marks, and method. Means are NaN if the method ever failed.
 
     coverage95: coverage of the 95 % region, NaN for methods without a covariance; n: number of hidden landmarks
     """
@@ -54,7 +54,7 @@ def table_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def nested(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The table for summary.json: a row for each place and number of marks, with figures by method."""
+    """The table for summary.json: a row for each place and number of marks, with the figures of all methods."""
     rows = []
     for (where, marks), own in table.groupby(["where", "marks"], sort=False):
         figures = own.set_index("method")[["mae_mm", "coverage95", "n"]].to_json(orient="index", double_precision=15)
@@ -81,7 +81,8 @@ def _number(value: float, form: str) -> str:
 def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
     """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants.
 
-    A row for each method and hidden landmark: error, NEES of methods with a covariance, reason of a failure
+    A row for each method and hidden landmark has the error, the NEES if the method states a covariance, and the reason
+    if the method failed.
     """
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)
@@ -92,7 +93,7 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
         try:
             found = method(task)
             part["error_mm"] = 1e3 * np.linalg.norm(found.means - truth, axis=1)
-            if found.covs is not None:  # the position with which it is compared has an error, too
+            if found.covs is not None:  # the true position has an error, too
                 read = found.covs + constants.scatter_m**2 * np.eye(3)
                 part["nees"] = normalised_error_squared(found.means - truth, read)
         except Exception as error:  # any exception that a method raises is a result of the study

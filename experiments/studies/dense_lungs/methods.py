@@ -1,4 +1,4 @@
-"""Dense landmarks of lungs at two times, and methods that estimate hidden ones: filter, interpolation, open loop."""
+"""Dense landmarks of lungs at two times, and methods that estimate the hidden landmarks from the others."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ AXES = ("x", "y", "z")
 COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
 
 WHERE = ("all", "front")
-"""Places of marks: all around the lung, or only where y is above the median."""
+"""Places of marks: all around the lung, or only where y exceeds the median of all landmarks."""
 
 NEAR, DEEP = 0.03, 0.075
-"""Largest depth of marks and least depth of hidden landmarks below the convex hull, relative to the lung's longest
+"""Largest depth of marks, and smallest depth of hidden landmarks, below the convex hull; relative to the lung's longest
 extent [1]; choice."""
 
 
@@ -71,7 +71,7 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table; the widest gap along x separates them. Raises InputError."""
+    """The two lungs of a table, separated by the widest gap between landmarks along x. Raises InputError."""
     table = read_table(path, COLUMNS)
     if table.n_rows < 2:
         raise InputError.at(path, "rows of two lungs", f"{table.n_rows}")
@@ -93,13 +93,13 @@ def _lung(path: Path, side: str, inhaled: Floats, exhaled: Floats) -> Lung:
 
 
 OTHERS = 60
-"""Number of nodes of a network besides the marks: landmarks far from the marks and from each other; numerical."""
+"""Number of landmarks that become nodes of a network in addition to the marks; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Forces of a breath: smooth over the lung, without pokes of single marks; choice: a strength of 1 % of gravity."""
+"""Forces of a breath, which are smooth over the lung. Their strength is 1 % of gravity; choice."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Model discrepancy of a lung; choice. Its level is fixed, because two frames cannot determine it."""
+"""Prior of the displacements that the network leaves out. Two frames cannot determine their size; choice."""
 
 FRAMES_S = (0.0, 2.0)
 """Times of the end of inhaling and of exhaling [s], half a breath apart."""
@@ -119,7 +119,7 @@ class DenseConstants:
     """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a landmark's position on each axis [m]; the mean distance of 1 mm between readers is 1.6 sd
+    scatter_m: sd of a landmark's measured position on each axis [m]; readers differ by 1 mm (1.6 sd) on average
     disturbances, discrepancy: priors of the filter
     """
 
@@ -131,7 +131,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods. marks: indices of the marks among the lung's landmarks, (n_marks,)."""
+    """Input of all methods; marks: indices of the landmarks that are marks, (n_marks,)."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -198,14 +198,14 @@ class Body:
         return TargetPoint(tuple(node_name(int(i)) for i in self.corners[k]), tuple(self.weights[k]))
 
     def rows(self) -> Floats:
-        """Matrix from positions of nodes to positions of hidden landmarks, (n_hidden, n_nodes)."""
+        """Matrix that maps positions of nodes to positions of hidden landmarks, (n_hidden, n_nodes)."""
         found = np.zeros((len(self.corners), self.network.n_nodes))
         np.put_along_axis(found, self.corners, self.weights, axis=1)
         return found
 
 
 def by_filter(task: Task) -> Found:
-    """Estimate by `TissueFilter`; its target is the hidden landmark farthest from all marks."""
+    """Estimate by `TissueFilter`. The filter's target is the hidden landmark that is farthest from all marks."""
     body = Body.of(task)
     away = np.linalg.norm(task.wanted[:, None] - task.before, axis=2).min(axis=1)
     frames = task.frames()
@@ -245,7 +245,7 @@ def by_linear(task: Task) -> Found:
 
 
 def by_field(task: Task) -> Found:
-    """Estimate by a Gaussian process with Matern covariance and affine trend; its sd maximises the likelihood."""
+    """Estimate by a Gaussian process with affine trend and a Matern covariance whose sd maximises the likelihood."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before

@@ -8,9 +8,9 @@ A fit takes about 15 s on one core. A pull is the error of a constant's logarith
 
 Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or a phantom
 with five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz
-on every mass, Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`).
-The scene's constants have random errors; the prior of the fit has the same standard deviations, `PRIOR_SD`. Each fit
-has one start, the scene's constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
+on every mass, Coulomb friction, and half-sine forces on one marked mass at a time (`experiments/scenarios/poked.toml`).
+The scene's constants have random errors with the standard deviations `PRIOR_SD`, as the prior of the fit assumes. Each
+fit starts from the scene's constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _SPRINGS = [
 
 
 def five_mass_phantom() -> MassSpringNetwork:
-    """A phantom at rest under gravity: masses P1 to P4 around the hidden target T, on anchors A1 to A3."""
+    """A phantom at rest under gravity: masses P1 to P4 around the hidden target T; nodes A1 to A3 are fixed."""
     anchors = [name for name in _PLACES_MM if name not in _MASSES_KG]
     drawn = build_network(
         list(_PLACES_MM),
@@ -102,7 +102,7 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
 
 
 def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> Frames:
-    """Simulate pokes of these nodes; returns frames with noisy marks of all free nodes."""
+    """Simulate short forces on the nodes `poked`; returns frames with noisy marks of all free nodes."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
@@ -120,7 +120,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """Do one fit. A row for each constant has the error of its logarithm, before the fit and after, and its sd."""
+    """Do one fit. A row for each constant has the error of its logarithm before and after the fit, and its sd."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
@@ -137,7 +137,7 @@ def identified(case: Case) -> list[dict[str, float | str]]:
 
 
 def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
-    """Figures by phantom and kind of constant: pulls, rms error before the fit and after, rms standard error."""
+    """Figures for each phantom and kind of constant: mean and sd of pulls, rms errors, rms standard error."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()
@@ -148,7 +148,7 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
-    """The table of the page; a pull's mean or SD outside its bounds is bold."""
+    """The table of the page. A mean or sd of the pulls is bold if it is outside `BOUNDS`."""
     heads = ["phantom", "constants", "fits", "pull: mean, SD", "error: before, after", "standard error"]
     rows = []
     for (name, kind), row in found.items():
@@ -161,7 +161,7 @@ def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the fits, print the table, and write it to the page."""
+    """Do the fits that the output folder lacks, and print the table."""
     parser = study_options(__doc__, page="identification.md", seeds=(20, 1000), runs="--runs")
     given = parser.parse_args(arguments)
     cases = grid(duration_s=[LONG_S], seed=seeds_of(given), phantom=["built-in", "five-mass"])

@@ -6,8 +6,8 @@
 
 The folder stores runs in `runs` and true motions in `truth`; an interrupted study continues there. SciPy's RK45
 computes the truth with friction and tremor. In the scenario `poked`, half-sine forces act on one mass at a time. In
-`shoved`, they act on all outer masses at once with 10 m/s², so that the target swings by 70 to 140 mm. The true tissue
-is always the phantom. Only the filter's model has wrong constants.
+the scenario `shoved`, half-sine forces of 10 m/s² act on all outer masses at once, and the target swings by 70 to
+140 mm. The true tissue is always the phantom. Only the filter's model has wrong constants.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 
 SCENARIOS = ("quiet", "poked", "shoved")
 FAR_M = 0.04
-"""Error of the hidden mass above which it counts as large [m]."""
+"""Error of the hidden mass above which the error counts as large [m]."""
 
 UNREPORTED_S = 0.5
 """Time within which a filter must report a large error [s]."""
@@ -55,7 +55,7 @@ TREMOR = 0.05
 """Amplitude density of the white acceleration of each free node in the shipped scenarios [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""Sections of a run with figures of their own, each with the number of its first frame; all last to the run's end."""
+"""Parts of a run that are evaluated separately: number of the first frame, by name. Each lasts to the run's end."""
 
 Row = dict[str, float | int]
 
@@ -63,7 +63,7 @@ Row = dict[str, float | int]
 def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run: mean errors [mm], coverage, mean NEES, and whether the error was ever large.
 
-    diverged: whether the error exceeded FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame
+    diverged: whether the error exceeded FAR_M with the status TRACKING, for UNREPORTED_S or in the last frame
     ever_far: whether the error exceeded FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M
@@ -90,7 +90,7 @@ def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
 
 
 def figures(runs: pd.DataFrame) -> Row:
-    """Figures of several runs, see `row_of`; ratio: mean error of the filter divided by the open loop's."""
+    """Figures of several runs, see `row_of`; ratio: mean error of the filter divided by that of the open loop."""
 
     def mean(column: str) -> float:
         return float(np.average(runs[column], weights=runs["frames"]))
@@ -107,7 +107,7 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def perturbed(seed: int, *, known: bool = False) -> Model:
-    """A model whose constants have random errors, `CONSTANT_SDS`; known: whether the model states this uncertainty."""
+    """A model whose constants have random errors; known: whether the model states the uncertainty of its constants."""
     network = four_mass_phantom()
     which = parameters(network)
     sds = np.array([CONSTANT_SDS[one.kind] for one in which])
@@ -117,7 +117,7 @@ def perturbed(seed: int, *, known: bool = False) -> Model:
 
 
 def calibration(seed: int, cache: Path) -> Frames:
-    """Frames for identification: 30 s of the poked phantom at 30 frames/s, with 4.14 mm of noise on all four marks."""
+    """Frames for identification: 30 s of the scenario `poked` at 30 frames/s, with four marks accurate to 4.14 mm."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
@@ -132,23 +132,23 @@ def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def by_scenario(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of all frames together and of each scenario."""
+    """Figures over the runs of all scenarios, and over the runs of each scenario."""
     return {"all": figures(runs)} | {str(name): figures(own) for name, own in runs.groupby("scenario", sort=False)}
 
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run with wrong constants, whose uncertainty is considered or ignored."""
+    """One run with wrong constants. The filter considers or ignores their uncertainty."""
     model = perturbed(case["seed"], known=case["uncertainty"] == "considered")
     return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
 def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of runs that consider or ignore the uncertainty of constants."""
+    """Figures of the runs that consider the uncertainty of constants, and of the runs that ignore it."""
     return {f"{label}, all": figures(own) for label, own in runs.groupby("uncertainty", sort=False)}
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Mean square error in a run of `quiet`, and its posterior Cramér-Rao bound; a row for each of `SECTIONS`."""
+    """Mean square error in a run of `quiet`, and its posterior Cramér-Rao bound, with a row for each of `SECTIONS`."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -178,7 +178,7 @@ def by_start(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def hard_trial(k: int) -> Trial:
-    """A run of the part `hard`: frame rate, noise and strength of pokes are random; three marks in ten are lost."""
+    """A run of the part `hard` with random frame rate, noise, and strength of forces; 30 % of the marks are lost."""
     rng = np.random.default_rng([k, 3])
     return Trial(
         "poked" if k % 2 else "shoved",
@@ -197,7 +197,7 @@ def hard_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of runs in which no spring turned over, and of runs in which a spring did, see `turned`."""
+    """Figures of the runs in which no spring turned over, and of the other runs, see `trials.turned`."""
     parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
     return {label: figures(own) for label, own in parts.items() if len(own)}
 
@@ -225,8 +225,8 @@ HARD = {
 class Part:
     """One table of the page.
 
-    work: function that does a run; rows: function that computes the table's rows, by label, from all runs
-    columns: heading and format string of each column; axes: values of the keys of a case, without the seed
+    work: function that does a run; rows: function that computes the rows of the table, with labels, from all runs
+    columns: heading and format string of each column; axes: values of each key of a case other than the seed
     more: factor on the number of runs; first: first seed
     """
 

@@ -1,4 +1,4 @@
-"""Runs without pictures: a scenario's true motion, noisy marks, and the errors of methods on these marks.
+"""Runs without pictures: a scenario's true motion, noisy marks, and the errors of the paper's method and the filter.
 
 SciPy's RK45 computes the truth (`experiments.simulation.simulate`); a folder stores it, because many runs use it.
 """
@@ -31,14 +31,14 @@ KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for a model that equals the true phantom: the model discrepancy is small."""
+"""Filter settings for a model that equals the true phantom: they assume only small errors of the model."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One run: a shipped scenario with changes.
 
-    mark_sd_m: noise of marks on each axis [m]; strength: factor on the pokes; lost: share of lost marks
+    mark_sd_m: noise of marks on each axis [m]; strength: factor on the short forces; lost: share of lost marks
     outliers: share of marks that are 30 to 150 mm from their true positions, in any direction
     """
 
@@ -66,7 +66,7 @@ class Outcome:
     """The result of a run.
 
     open_loop, filtered: errors of the hidden mass [m], (n_frames,); nees: the filter's NEES
-    turned: see the function `turned`
+    turned: whether a spring turned over, see the function `turned`
     """
 
     times_s: Floats
@@ -78,7 +78,7 @@ class Outcome:
 
 
 def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
-    """Frames of marks with these names and positions [m], (n_frames, n_names, dim); sd_m: stated sd per axis [m]."""
+    """Frames of marks with these names and positions [m], (n_frames, n_names, dim); sd_m: sd of a mark per axis [m]."""
     return [
         (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
         for time_s, at in zip(times_s, places, strict=True)
@@ -86,7 +86,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """True positions of free nodes, sampled at KNOTS_PER_S [m], (n, n_free, dim). The folder `cache` stores them."""
+    """True positions of free nodes [m], (n, n_free, dim), at KNOTS_PER_S samples per second, stored in `cache`."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,
@@ -150,7 +150,10 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether a spring ever turns by over 90 degrees from its drawn direction; positions: [m], (n, n_free, dim)."""
+    """Whether any spring ever turns by more than 90 degrees from its direction at rest.
+
+    positions: positions of free nodes [m], (n, n_free, dim)
+    """
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

@@ -1,1 +1,1 @@
-"""Study of live runs with faults, which `softaim faults` does and docs/faults.md describes."""
+"""Study of live runs with faults, for `softaim faults`; docs/faults.md has the results."""

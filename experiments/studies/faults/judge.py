@@ -1,4 +1,4 @@
-"""Evaluation of a run with a fault: time of detection, and wrong advice GO."""
+"""Evaluation of a live run with a fault: when the fault is displayed, and how often the advice GO is wrong."""
 
 from __future__ import annotations
 
@@ -24,33 +24,35 @@ ONSET_S = 4.0
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for the display of a fault that a single frame shows [s]; if three frames take longer, their time; a
+"""Time limit for the display of a fault that a single frame shows [s], or three frame intervals if they are longer; a
 requirement."""
 HIDDEN_S = 2.0
-"""Time limit for a fault that single frames do not show [s]: until then, it must be displayed, or the covariance must
-cover its error; a requirement."""
+"""Time limit for a fault that no single frame shows [s]. By then, the fault must be displayed, or the covariance must
+cover the error that the fault causes; a requirement."""
 WRONG = 0.999
 """Probability of the region that must contain the truth, unless the error is at most `LEAST_M`: see `is_wrong`."""
 LEAST_M = 1e-3
-"""Error of the target up to which an estimate is not wrong [m]; choice: it does not matter to a needle."""
+"""Error of the target up to which no estimate is wrong [m]; choice: so small an error does not matter to a needle."""
 STALE_S = 0.2
-"""Age of a state above which it must not show GO [s]; a requirement."""
+"""Largest age of a state that may show GO [s]; a requirement."""
 STEADY_S = 0.5
 """Time without faults after which a run has recovered [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What is displayed at one time [s] after the first exposure, and whether it is right.
+    """What a live run displays at one time, compared with the truth.
 
-    age_s: age of the newest frame that the estimate uses; of_frame: whether the display follows from a new frame
-    status, advice, why: the displayed status, advice and reason. If none is displayed, advice is None, why is empty.
-    reported: the reports displayed at this time; empty if there are none
-    sigma_m: standard deviation of the target
+    time_s: time since the first exposure [s]; age_s: age of the newest frame that the estimate uses [s]
+    of_frame: whether a new frame changed the display
+    status, advice: displayed status and advice; advice is None if no advice is displayed
+    why: the displayed fault, or the reason of ABORT or REALIGN; empty if there is neither
+    reported: new event messages; empty if there are none
+    sigma_m: standard deviation of the target's position [m]
     wrong: whether the estimate is wrong, see `is_wrong`; astray: whether the needle would miss the lesion
-    well: whether the status is TRACKING and no fault is displayed
-    said: the displayed fault or, if there is none, the reason of the advice
-    error_m: error of the target [m]; covered: whether the truth lies in the 95 % region
+    well: whether the status is TRACKING and `why` is empty
+    said: the displayed fault; if there is none, the reason of the advice
+    error_m: error of the target's position [m]; covered: whether the truth lies in the 95 % region
     """
 
     time_s: float
@@ -75,7 +77,7 @@ class Moment:
 
     @property
     def words(self) -> str:
-        """The displayed fault; empty if there is none."""
+        """Text of the displayed fault; empty if no fault is displayed."""
         if self.well:
             return self.reported
         what = self.advice if self.advice in ("ABORT", "REALIGN") else self.status
@@ -86,16 +88,20 @@ class Moment:
 class Judged:
     """The result of a run with a fault.
 
-    noticed_ms: time from the fault's onset until it is displayed; None if it is never displayed
-    covered: whether no estimate is wrong from `within_s` after the onset until recovery
-    shown: the words displayed most often during the fault; if no words are displayed, the first report
-    recovered_ms: time from the fault's end until recovery, for a fault that stays from its onset; None without recovery
-    sigma_before_mm, sigma_most_mm: median standard deviation of the target before the fault, and the largest during it
-    go_shown_while_faulty: number of moments with a wrong GO from `within_s` after the onset until recovery: the
-        estimate is wrong or older than STALE_S, or the needle would miss
-    go: number of moments with GO after the onset
-    ended: how the process ended; empty if there was no process
-    lacks_s: duration that is missing at the end of tables or recording [s], see `LiveRun.lacks_s`; None without tables
+    The evaluated period begins at the fault's time limit `Fault.within_s`. It ends when the run has recovered; if the
+    fault lasts to the end of the run, so does the period.
+
+    noticed_ms: time from the fault's onset to its first display [ms]; None if it is never displayed
+    covered: whether no estimate is wrong in the evaluated period
+    shown: the fault text displayed most often during the fault; if there is none, the first event message
+    recovered_ms: time from the fault's end to the recovery [ms]; None if the run never recovers. If the fault lasts to
+        the end of the run, the time begins at its onset.
+    sigma_before_mm: median standard deviation of the target's position in the second before the fault [mm]
+    sigma_most_mm: largest standard deviation of the target's position during the fault [mm]
+    go_shown_while_faulty: number of displays of a wrong GO in the evaluated period, see `Moment.faulty_go`
+    go: number of displays of GO after the onset
+    ended: how the process ended; empty if the run had no process of its own
+    lacks_s: duration that is missing at the end of tables or recording [s]; None if the run writes none
     """
 
     noticed_ms: float | None
@@ -114,10 +120,11 @@ class Judged:
 class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
-    name: its name in the table; what: a short description; lasts_s: duration from ONSET_S [s], inf if it stays
-    within_s: time limit after the onset [s]: until then, the fault must be displayed, or the covariance must cover its
-        error
-    alone: whether the fault needs a run in real time; no other run may then share the machine
+    name: its name in the table; what: a short description
+    lasts_s: duration of the fault, which begins at ONSET_S [s]; inf if it lasts to the end of the run
+    within_s: time limit after the onset [s]. By then, the fault must be displayed, or the covariance must cover the
+        error that the fault causes.
+    alone: whether the run needs the machine for itself, because it is in real time
     """
 
     name: str
@@ -158,7 +165,7 @@ def covers(mean: Floats, cov: Floats | None, truth_m: Floats, probability: float
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The result of a run with these moments. lasts_s: the fault's duration from ONSET_S [s], inf if it stays."""
+    """The result of a run; moments: what it displayed at each time; lasts_s: as in `Fault`."""
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]
@@ -181,7 +188,7 @@ def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The words displayed most often, compared without their numbers; if there are no words, the first report."""
+    """The fault text displayed most often, compared without numbers; if there is none, the first event message."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -191,7 +198,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Time of recovery [s]: no fault is displayed and no estimate is wrong for STEADY_S from then on; None without."""
+    """Start of the first STEADY_S without a displayed fault and without a wrong estimate [s]; None without recovery."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

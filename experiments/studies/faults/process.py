@@ -1,4 +1,4 @@
-"""A live run on a simulated film, in a separate process, with its terminal and its viewers."""
+"""A live run on a simulated film, with a separate process, a terminal and viewers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from vision import Frame, SourceError
 FRAME_S = 0.05
 """Frame interval of the film [s], long enough for a busy machine to show and record it in real time."""
 STARTS_S = 60.0
-"""Timeout for a run's page [s]: longer than any run needs."""
+"""Time limit for the appearance of a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
 """Time before the end of the film in which a run is no longer interrupted [s]."""
 ENDS_S = 20.0
@@ -100,7 +100,7 @@ def filmed(seed: int, duration_s: int) -> Film:
 class Terminal:
     """Reads the output of a process in a thread.
 
-    State: the text read so far; whether the thread reads at present; the file descriptors from which it reads.
+    text: the output so far; read: whether the thread reads; if false, the output stays unread
     """
 
     def __init__(self, *sources: int) -> None:
@@ -136,12 +136,13 @@ class Terminal:
 
 @dataclass(slots=True, eq=False)
 class LiveRun:
-    """Process of `softaim live --record` on a film, with a needle.
+    """A process that runs `softaim live --record` on a film, with a needle.
 
     folder: existing folder for the output; options: further options of the command
-    on_terminal: whether the output goes to a terminal, not to pipes; igtl_port: port of OpenIGTLink, 0 for none
-    State: the process and the reader of its output; port, token and viewer of its page, as soon as the page appears;
-    other viewers; resources to release at the end.
+    on_terminal: whether the output goes to a terminal; otherwise it goes to pipes
+    igtl_port: port of the OpenIGTLink server, 0 for none
+    process, terminal: the process and the reader of its output; address: port and token of its page
+    viewer: a viewer of the page; others: further viewers; held: resources to release at the end
     """
 
     film: Film
@@ -158,7 +159,7 @@ class LiveRun:
     _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
-        """Enter the context. Its end kills the process and releases all resources."""
+        """Enter a context. When the context ends, the process is killed and all resources are released."""
         return self
 
     def __exit__(
@@ -173,7 +174,7 @@ class LiveRun:
         return self.folder / "live"
 
     def start(self) -> bool:
-        """Start the run, and watch its page; returns whether the page appeared."""
+        """Start the process, and connect a viewer to its page. Returns whether the page appeared."""
         command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
         command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
         theirs, mine = self._ends()
@@ -200,7 +201,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """File descriptors: the process's standard output and standard error, and those from which they are read."""
+        """File descriptors for the process's standard output and error, and file descriptors to read both from."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -216,7 +217,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """End the run by Ctrl-C, unless its film ends. Returns the film's time [s], inf if the run ended earlier."""
+        """Send Ctrl-C, unless the film soon ends. Returns the film's time up to which the run is evaluated [s]."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -225,7 +226,7 @@ class LiveRun:
         return min(now_s, self.film.ends_s)
 
     def ended(self) -> str:
-        """Wait for the run's end; returns its exit code or its signal as text."""
+        """Wait until the process ends. Returns a text with its exit code, or with the signal that ended it."""
         process = self.process
         try:
             code = process.wait(ENDS_S)
@@ -245,7 +246,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Duration missing in tables or recording before the film's time until_s [s]; if unreadable, all of it."""
+        """Duration [s] that the viewer saw before the film's time until_s, and that tables or recording lack."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -256,7 +257,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Times of the last stored estimates, advice and picture on the film's clock [s]."""
+        """Times of the last rows of estimates and advice, and of the last recorded picture, by the film's clock [s]."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

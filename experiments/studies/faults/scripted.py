@@ -1,4 +1,4 @@
-"""Faults with a scripted clock: a live session on pictures of a simulated phantom, with one fault."""
+"""Simulated faults: a live session with a scripted clock, on pictures of a phantom, with one fault."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """Time from exposure to arrival [s]: half a frame interval, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that without a fault GO is nearly always displayed; WAIT would hide faults."""
+"""Radius of the lesion [m]: so large that GO is nearly always displayed without a fault. WAIT would hide faults."""
 ABOVE_M = 0.03
-"""Distance from the entry of the needle to its target, as drawn [m]."""
+"""Distance from the needle's entry to the target at rest [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
 """Direction from the target to the needle's entry, by dimension."""
 
@@ -51,16 +51,16 @@ Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
 Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
-"""Function that changes the reads of a camera during a fault of this duration [s]."""
+"""Function that changes the camera's reads during a fault; its last argument is the duration of the fault [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedNeedle:
-    """A tracked needle.
+    """A needle with a tracker.
 
-    pose: function from the time since the onset [s] and the planned insertion to the needle's true pose
+    pose: function that returns the true pose for a time since the fault's onset [s] and the planned insertion
     push_N: force on the tissue along the needle's axis while part of the needle is inside [N]
-    seen: function from the time since the onset [s] to whether the tracker measures the needle
+    seen: function that returns whether the tracker sees the needle at a time since the fault's onset [s]
     """
 
     pose: Callable[[float, Insertion], NeedlePose]
@@ -80,7 +80,7 @@ class ScriptedFault(Fault):
     picture: function that changes a picture; covered: nodes whose marks are hidden in pictures
     places: function that displaces the nodes in pictures [m]; arrivals: function that changes the camera's reads
     becomes: function that changes the true network at the onset; assumed: function that changes the filter's scene
-    needle: a tracked needle, None for the plan's fixed needle
+    needle: a needle with a tracker; without it, the advice is for the planned path
     upsets: function that changes the live session, called once at the onset
     """
 
@@ -94,19 +94,19 @@ class ScriptedFault(Fault):
     upsets: Callable[[Session], None] = lambda _session: None
 
     def acts(self, time_s: float) -> bool:
-        """Whether the fault acts at this time after the first exposure [s]."""
+        """Whether the fault acts at this time since the first exposure [s]."""
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
-        """See `Fault.judged`; duration_s: duration of the run [s]."""
+        """Result of a run of this duration [s] with the fault; folder: an existing folder for the run's output."""
         return verdict(self, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):
-    """A `Publisher` that stores the displayed moments from since_s [s] on.
+    """A `Publisher` that stores what a live run displays from the time since_s [s] on.
 
-    State: the moments; the needle's true pose; the time of the newest frame [s].
-    reported: function that returns the reports displayed since its last call
+    reported: function that returns the event messages since its last call
+    moments: what was displayed so far; needle: the needle's true pose
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Watching(Publisher):
         self._used_s = -np.inf
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Store the displayed moment."""
+        """Store what is displayed now."""
         if shown.step is not None:
             self._used_s = shown.at_s
         if shown.at_s - BEGAN_S < self._since_s:
@@ -171,7 +171,7 @@ def displayed(
     *,
     rehearse: bool = True,
 ) -> list[Moment]:
-    """All displayed moments of a live run on scripted frames; attend: called with the session in each turn."""
+    """What a live run on scripted frames displays; attend: called with the session in each turn of its loop."""
     clock = partial(getattr, frames, "now_s")
     session = Session(
         scene,
@@ -208,7 +208,7 @@ def plan_of(scene: Scene) -> NeedlePlan:
 
 
 def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -> list[Moment]:
-    """All displayed moments of a run with the fault."""
+    """What a live run with the fault displays."""
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
     plan, needle = plan_of(fault.assumed(scene)), fault.needle

@@ -1,4 +1,4 @@
-"""Simulated faults of camera, marks, tissue and scene, of a tracked needle, and of the filter's state."""
+"""Simulated faults of the camera, the marks, the tissue, the scene file, a tracked needle, and the filter's state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival
 from vision.arrays import Image
 
 DEVICE_S = 3.0
-"""Time of a device's own clock at the first exposure [s]."""
+"""Time on the camera's own clock at the first exposure [s]."""
 
 
 def _within(arrival: Arrival, lasts_s: float) -> bool:
@@ -33,7 +33,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """A fault that drops reads: `keeps` states which reads remain, by their number since the onset."""
+    """A fault that drops reads of the camera; keeps: whether a read remains, from its number since the onset."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
@@ -46,7 +46,7 @@ _blocked = _kept(lambda _k, _rng: False)
 
 
 def _frozen(n_pictures: int) -> Arrives:
-    """A fault that, from its onset on, repeats the last n_pictures earlier pictures in their order."""
+    """A fault that repeats the last n_pictures pictures before its onset, in their order."""
 
     def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
@@ -69,7 +69,7 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> 
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
-    """A fault of a camera with timestamps: during the fault, the timestamps have the error fault_s [s]."""
+    """A fault of a camera that states exposure times: during the fault, they have the error fault_s [s]."""
     return lambda arrivals, rng, lasts_s: arrives(
         [
             replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))
@@ -96,7 +96,7 @@ def _dimmed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
 
 
 def _bleeding(image: Image, since_s: float, _rng: np.random.Generator) -> Image:
-    """Blood spreads over the picture beside the marks, as red as the red mark."""
+    """The picture with a growing stain of blood beside the marks, as red as the red mark."""
     height, width = image.shape[:2]
     stained = image.copy()
     reach = int(height * min(0.2 + 0.2 * since_s, 0.6))
@@ -168,7 +168,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
-    """A fault that displaces the first measured mark; `by`: displacement [m] at a time since the onset [s]."""
+    """A fault that displaces the first measured mark; by: its displacement [m] at a time since the onset [s]."""
 
     def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
         moved = places.copy()
@@ -199,7 +199,7 @@ def _cut(network: MassSpringNetwork) -> MassSpringNetwork:
 
 
 def _slipped(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with its first anchor 8 mm lower."""
+    """The network with its first fixed node 8 mm lower."""
     positions = network.positions.copy()
     positions[np.flatnonzero(network.fixed)[0]] += [0.0, -8e-3]
     return replace(network, positions=positions)
@@ -249,13 +249,13 @@ TISSUE: tuple[ScriptedFault, ...] = (
 OUTSIDE_M = 0.02
 """Distance from the tip of a waiting needle to its entry [m]."""
 GOES_IN_S = 0.5
-"""Time before the onset at which the needle enters after GO [s]."""
+"""Time from the needle's entry to the onset [s]."""
 INSIDE_M = 0.005
 """Depth at which the inserted needle stops [m]."""
 BEND_RAD = np.deg2rad(90.0)
-"""Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, at any breath."""
+"""Angle by which the needle bends [rad]; it then misses by 25 mm, twice the lesion's radius."""
 BESIDE_M = 0.025
-"""Distance of a needle's line from the planned line, on which the advice would be GO [m]."""
+"""Distance between a needle's line and the planned line [m]; on the planned line, the advice would be GO."""
 DENT_M, DENT_N = 0.005, 2.0
 """Depth by which a needle dents the skin without puncture [m], and its force [N]."""
 THROWN_M = 0.08
@@ -280,14 +280,14 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Pose of a needle that dents the skin at a distance from the planned line, and is then retracted to this line."""
+    """Pose of a needle that dents the skin beside the planned line. After the fault, it waits outside on this line."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
 
 
 def _thrown(by_m: float) -> Callable[[Session], None]:
-    """A function that adds `by_m` [m] to all positions in the filter's means, and leaves its covariances unchanged."""
+    """A function that adds by_m to all node positions in the filter's means [m]; the covariances do not change."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

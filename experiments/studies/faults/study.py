@@ -31,7 +31,7 @@ NEVER = float("nan")
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Run one fault with one seed; returns a row of the study, with NaN for values that do not exist."""
+    """Run one fault with one seed; returns a row of the study, in which NaN replaces None."""
     with quiet_folder() as folder:
         row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
     return {key: NEVER if value is None else value for key, value in row.items()}
@@ -68,7 +68,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
 
     covered: number of runs without a wrong estimate after the time limit for detection
     go_shown_while_faulty, go: sums over seeds
-    sigma_ratio: largest sigma during the fault divided by sigma before it; median over seeds
+    sigma_ratio: largest standard deviation during the fault divided by that before the fault; median over seeds
     ended: how runs in separate processes ended; lacks_s: longest duration missing in tables or recording [s]
     """
     rows = []
@@ -122,7 +122,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults, grouped by the beginning of the text that was displayed during the fault."""
+    """Descriptions of faults, grouped by the `beginning` of the text that is displayed most often during the fault."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -134,7 +134,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def beginning(shown: str) -> str:
-    """The displayed status and its reason, without advice; only the status if the reason repeats it."""
+    """The first two parts of a displayed text, for example status and reason; one part if the second repeats it."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
@@ -150,6 +150,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md, and below it the total numbers of wrong GO and of GO."""
+    """The list of docs/faults.md, followed by the number of displays of a wrong GO and of any GO."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

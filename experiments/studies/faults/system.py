@@ -25,32 +25,32 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""Time for which a run continues after the fault, or after the onset of a fault that stays [s]."""
+"""Time for which a run continues after the end of its fault, or after the onset of a fault that never ends [s]."""
 STARTS_S = 12.0
-"""Duration that the film has for the start of the run [s]: four times the usual time until the first state."""
+"""Duration of the film that may pass before the first state appears [s]: four times the usual duration."""
 JITTER_S = 1.0
-"""Range of a random delay that is added to the fault's onset [s]: the length of a piece of a recording."""
+"""Largest random delay of the fault's onset [s]; a recording is stored in pieces of this length."""
 STARTS_WITHIN_S = 10.0
-"""Time within which a run that cannot start reports it [s]: its page would have appeared by then."""
+"""Time limit for the error message of a run that cannot start [s]."""
 N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, and number sent at once. Each request writes a line of about 70 letters; together the
-lines exceed a terminal's buffer."""
+"""Number of refused requests, and number sent at once. For each request, the process prints a line of about 70 letters;
+all lines together exceed a terminal's buffer."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""A request that is refused without effect on the advice; refusing a needle's pose would end the advice."""
+"""A request that the process refuses. Unlike the refusal of a needle's pose, its refusal does not end the advice."""
 
 Acts = Callable[[LiveRun], None]
 
 
 @dataclass(frozen=True, slots=True)
 class SystemFault(Fault):
-    """A `Fault` of a real process: `softaim live` on a film, with a recording and a viewer.
+    """A `Fault` that acts on a real process, which runs `softaim live` on a film.
 
-    before, begins, ends: actions before the process starts, at the fault's onset, and at its end
+    before: action before the process starts; begins, ends: actions at the onset and at the end of the fault
     writes: whether the process can still write files after the onset
     """
 
@@ -61,7 +61,7 @@ class SystemFault(Fault):
     alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
-        """See `Fault.judged`; onset_s: time from the first state to the fault's onset [s]. Raises InputError."""
+        """Result of a run with this fault; onset_s: time from the first state to the onset [s]. Raises InputError."""
         if sys.platform == "win32":
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
@@ -103,7 +103,7 @@ class SystemFault(Fault):
 
 
 def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
-    """The displayed moments before until_s on the film's clock [s], shifted so that the fault begins at ONSET_S."""
+    """What a viewer showed before the film's time until_s [s]. Times are shifted so that the fault is at ONSET_S."""
     return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 
@@ -126,7 +126,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """Add a viewer that shows each state for a second, and clients of the stream and of OpenIGTLink that never read."""
+    """Add a viewer that shows each state for a second, and a client of each server that never reads."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -142,7 +142,7 @@ def _slow(run: LiveRun) -> None:
 
 
 def _many(run: LiveRun) -> None:
-    """Add fifty viewers that receive everything, in a separate thread, while the fault lasts."""
+    """Connect fifty viewers for the duration of the fault, in a separate thread."""
     from websockets.asyncio.client import connect
     from websockets.exceptions import ConnectionClosed
 
@@ -174,7 +174,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Send requests that the process refuses with a line each; if nobody reads them, the lines fill the buffer."""
+    """Send requests that the process refuses. It prints a line for each; unread lines fill the terminal's buffer."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol

@@ -23,13 +23,12 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 class Viewer:
     """A client of the stream that shows a state, and then requests the newest state.
 
-    Like the page, it shows STALE if nothing has arrived for STALE_S by its own clock, or if a state's delay exceeds the
-    smallest delay so far by STALE_S.
+    Like the page, it shows STALE in two cases: if no state has arrived for STALE_S, and if the delay of a state exceeds
+    the smallest delay so far by more than STALE_S.
 
-    motion: the true motion; target: index of the target; n_measured: number of marks that the filter may use
-    pause_s: time for which each state is shown [s]
-    State: the displayed moments; the clock's time at the film's start; arrival and exposure times of states with a new
-    frame [s]; the smallest delay so far [s]; the events received so far.
+    motion: true motion of all nodes; target: index of the target node
+    n_measured: number of marks that the filter may use; pause_s: time for which each state is shown [s]
+    moments: what was displayed so far; known_s: arrival and exposure times of states with a new frame [s]
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -46,11 +45,11 @@ class Viewer:
 
     @property
     def now_s(self) -> float:
-        """The film's present time [s], -inf before the first state."""
+        """Time since the start of the film [s]; -inf before the first state."""
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Store a report that another viewer received."""
+        """Add a message that another viewer received."""
         self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
@@ -117,7 +116,7 @@ class Viewer:
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
-        """Text of events that no earlier state had; events of the first state are not faults."""
+        """Text of the events that no earlier state contained; empty for the first state."""
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))

@@ -1,6 +1,6 @@
 """A breathing phantom in front of a camera: its true motion, its pictures, and a live source with a scripted clock.
 
-SciPy's RK45 computes the motion. Only the script advances the clock, so that results do not depend on the machine.
+SciPy's RK45 computes the motion. Only the script advances the clock; the speed of the machine does not matter.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def undisturbed(seed: int, duration_s: float) -> Motion:
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
-    """Force of a needle on the free nodes: it acts at the entry, with push_N [N], while inside(time) is true."""
+    """Force of a needle on the free nodes near its entry: push_N [N] in total while inside(time) is true, else zero."""
     shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
@@ -135,9 +135,10 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """A read of the camera, and the time at which it returned [s].
+    """A read of the camera.
 
-    image: None if the read failed; stated_s: exposure time by the camera's clock [s], None if it reports none
+    at_s: time at which the read returned [s]; image: None if the read failed
+    stated_s: exposure time by the camera's clock [s], None if the camera states none
     """
 
     at_s: float
@@ -146,10 +147,7 @@ class Arrival:
 
 
 class ScriptedFrames(LiveFrames):
-    """A live source with scripted reads: `LiveFrames` without its thread.
-
-    State: the script's clock [s], the remaining reads, the faults that `reported` has not yet returned.
-    """
+    """A `LiveFrames` without a thread, in which a script replaces the camera; now_s: the script's clock [s]."""
 
     def __init__(self, arrivals: list[Arrival]) -> None:
         self.now_s = BEGAN_S
@@ -164,7 +162,7 @@ class ScriptedFrames(LiveFrames):
         self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame that has arrived; if there is none, the first that arrives within timeout_s [s]."""
+        """The newest frame that has arrived, or else the first that arrives within timeout_s [s]; None if none does."""
         until_s = self.now_s + timeout_s
         self._read_until(self.now_s)
         while not self._waiting and self._to_come and self._to_come[0].at_s <= until_s:
@@ -185,7 +183,7 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _device(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call. Faults among them are stored until `reported` returns them."""
+        """The events since the last call. Those that are faults are also stored for `reported`."""
         events = super().take_events()
         self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events
@@ -197,7 +195,7 @@ class ScriptedFrames(LiveFrames):
 
 
 def _device(read: Arrival) -> Any:
-    """A capture device of OpenCV during one read."""
+    """An object that behaves like OpenCV's capture device in one read."""
     stated_ms = 0.0 if read.stated_s is None else 1e3 * read.stated_s
     return SimpleNamespace(
         isOpened=lambda: True,

@@ -21,7 +21,7 @@ from experiments.studies.readme.moving_picture import PICTURE, write_moving_pict
 ROOT = Path(__file__).parents[3]
 PICTURES = ("path.png", "error.png", "sigma.png")
 DEMO_SEEDS = range(1, 6)
-"""Seeds for the stated coverage, besides the demo's own seed; choice: each seed takes a minute per scenario."""
+"""Seeds of the README's coverage, in addition to the demo's seed; choice: a seed takes a minute per scenario."""
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
@@ -36,7 +36,7 @@ def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
 
 
 def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
-    """The demo's table in the README's form; spread: coverage over seeds, by scenario."""
+    """The demo's table for the README; spread: coverage with each seed, by scenario."""
 
     def errors(method: str) -> list[str]:
         found = [figures[name][method] for name in figures]
@@ -57,7 +57,7 @@ def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
 
 
 def figure_rows(studies: dict[str, dict[str, float]]) -> str:
-    """Rows of the README's table with the filter's performance over many runs."""
+    """The README's table with error ratio and coverage of the filter over many runs."""
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"

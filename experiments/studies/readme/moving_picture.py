@@ -1,4 +1,4 @@
-"""Animated picture of the README: the poked phantom, a needle with its advice, and a close-up of the target.
+"""Animated picture of the README: the scenario `poked`, a needle with advice, and a close-up of the target.
 
 `python -m experiments.studies.readme.moving_picture` in the checkout writes docs/images/poked-advice.webp within a
 minute. It needs OpenCV 4.12 or newer.
@@ -45,7 +45,7 @@ PLAN = NeedlePlan(Needle(), Insertion(np.array([-0.025, 0.24]), ALONG, 0.4), Les
 
 
 class Watched:
-    """Draws and stores frames of a run. State: the drawn frames between the times `shown_s` [s]."""
+    """Draws and stores the frames of a run between the times `shown_s` [s]."""
 
     def __init__(self, shown_s: tuple[float, float]) -> None:
         self.shown_s = shown_s
@@ -81,7 +81,7 @@ def enlarged(
 
 
 def write_moving_picture(path: Path, scenario: Scenario = SCENARIO, shown_s: tuple[float, float] = SHOWN_S) -> None:
-    """Film the scenario, advise on the needle, and write the frames between the times `shown_s` [s] as WebP."""
+    """Film the scenario with advice for a needle, and write the frames between the times `shown_s` [s] as WebP."""
     watched, film = Watched(shown_s), cv2.Animation()
     with tempfile.TemporaryDirectory() as folder:
         simulate(scenario, Path(folder) / "recording")

@@ -1,4 +1,4 @@
-"""Filter for a continuum, tested on soft bodies whose meshes, laws and integrators differ from the filter's.
+"""Test of the filter for a continuum on soft bodies whose meshes, material laws and integrators differ from its own.
 
     python -m experiments.studies.soft_bodies --out DIR    # --page writes the table to docs/meshes.md
 
@@ -64,7 +64,7 @@ def run(job: Case) -> dict[str, float]:
 
 
 def _spline(case: Recording, seen: Floats) -> Floats:
-    """Positions of the target by a thin-plate spline through marks and fixed wall [m], (n_frames, 3)."""
+    """Positions of the target [m], (n_frames, 3), by a thin-plate spline through the marks and the fixed wall."""
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed & network.is_held]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]
@@ -105,7 +105,7 @@ def markdown(found: Sequence[dict[str, Any]]) -> str:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the results of the study."""
+    """Do the runs that the output folder lacks, and write the results."""
     parser = study_options(__doc__, page="meshes.md", seeds=(6, 20))
     parser.add_argument("--bodies", action="append", choices=list(BODIES), help="name of a body; repeat for several")
     given = parser.parse_args(arguments)

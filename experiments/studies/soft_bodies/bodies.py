@@ -1,8 +1,8 @@
 """True motions of soft bodies, and the filter's models, which have another mesh and another stiffness.
 
-True breasts have neo-Hookean tetrahedra, and their state has all nodes. The implicit midpoint rule integrates their
-motion under large strains. Newton's method solves each step, and factors its matrix again only if convergence is slow.
-Law, mesh and integrator differ from the filter's.
+True breasts are neo-Hookean tetrahedra with large strains. The implicit midpoint rule integrates the motion of all
+nodes. Newton's method solves each step, and factors its matrix again only if convergence is slow. Material law, mesh
+and integrator differ from the filter's.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _step(
 
 
 UNCERTAIN = 0.35
-"""Standard deviation of the logarithm of the filter's stiffness: 95 % within a factor of two."""
+"""Standard deviation of the error of the stiffness's logarithm: 95 % of errors are within a factor of two."""
 
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
@@ -99,14 +99,14 @@ PRESS = 0.02
 """Largest pressure on a block's lower face, relative to Young's modulus; with 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
-"""Numbers of cells of the breast's mesh, across and in depth: of the true body, and of the filter's model."""
+"""Numbers of cells across and in depth: of the true breast's mesh, and of the mesh of the filter's model."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
 """Motion of a moving wall: shift [m] and range of the rotation [rad] in each breath; a single lasting shift [m], which
 takes one second."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
-"""Gravity, and the time step [s] of the differences that give a moving wall's acceleration; numerical."""
+"""Gravity, and the time step of the finite differences for the acceleration of a moving wall [s]; numerical."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)

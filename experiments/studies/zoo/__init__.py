@@ -1,1 +1,1 @@
-"""Zoo study: one filter with the same settings on different bodies; `__main__` has the command."""
+"""Study of the filter with the same settings on many different bodies; `__main__` has the command."""

@@ -1,11 +1,11 @@
 """Zoo of bodies: accuracy of the filter, with the same settings, on bodies with different physics.
 
-    python -m experiments.studies.zoo --out FOLDER                       # all cells, seeds 1000 to 1019
+    python -m experiments.studies.zoo --out FOLDER                       # all bodies, seeds 1000 to 1019
     python -m experiments.studies.zoo --seeds 2 --first-seed 0 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
 Runs use all cores or `--scheduler ADDRESS`. FOLDER gets runs/runs.parquet, runs.csv, cells.csv and table.md. The
-extra `dev` installs MuJoCo, which computes the truths. Latest figures: docs/zoo.md.
+extra `dev` installs MuJoCo, which computes the true motions. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from experiments.studies.zoo.run import record_of
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Required bounds: on the geometric mean of ratios, on the largest ratio, and on the coverage (least, largest)."""
+    """Upper bound of the geometric mean of error ratios, upper bound of each ratio, and range of the coverage."""
 
     mean_ratio: float
     worst_ratio: float
@@ -46,14 +46,14 @@ UNDECIDED = ("chain2", "chain3")
 
 FIGURES = ["error_m", "open_loop_m", "spline_m", "covered", "nees", "ms_a_frame"]
 COUNTS = ["non_finite", "wrong_tracking", "repairs"]
-"""Columns of a run: figures with means over the runs of a cell, and counts with sums."""
+"""Columns of a run: `FIGURES` are averaged over the runs of a row of the table, `COUNTS` are summed."""
 
 
 def cells_of(table: pd.DataFrame) -> pd.DataFrame:
     """A row for each body with one scale and one kind of constants; table: a row for each run, see `run.run`.
 
-    runs, failed: number of runs, and of runs that ended early or did not start; failure: why the first of them failed
-    filter_mm, open_loop_mm, spline_mm: mean errors [mm]; NaN, like all means, if a run lacks the figure
+    runs: number of runs; failed: number of runs that ended early or did not start; failure: reason of the first failure
+    filter_mm, open_loop_mm, spline_mm: mean errors [mm]. Any mean is NaN if a run lacks the figure.
     ratio: the filter's error divided by the smaller error of open loop and spline
     covered: coverage of the 95 % region; nees: mean NEES per dimension
     non_finite, wrong_tracking, repairs: sums over runs, see `hidden_scores`; ms_a_frame: mean time per frame [ms]
@@ -88,7 +88,7 @@ def cells_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def faults(cell: Any) -> list[str]:
-    """Names of the bounds that a cell violates, a row of `cells_of`."""
+    """Names of the bounds that a row of `cells_of` violates."""
     bounds = BOUNDS[cell.constants]
     low, high = bounds.covered[0], 1.0 if cell.name.startswith(UNDECIDED) else bounds.covered[1]
     found = [] if cell.failed == 0 else [f"{cell.failed} of {cell.runs} failed"]
@@ -102,7 +102,7 @@ def faults(cell: Any) -> list[str]:
 
 
 def summary(cells: pd.DataFrame) -> str:
-    """List in Markdown: for each kind of constants the number of cells within all bounds, and the ratios."""
+    """List in Markdown: for each kind of constants the number of rows within all bounds, and two error ratios."""
     lines = []
     for constants, bounds in BOUNDS.items():
         own = cells[cells["constants"] == constants]
@@ -126,7 +126,7 @@ HEAD += ["wrong tracking", "repairs", "ms per frame", "bounds exceeded"]
 
 
 def markdown(cells: pd.DataFrame) -> str:
-    """The table, and the summary below it."""
+    """The table in Markdown, and the `summary` below it."""
     rows = []
     for cell in cells.itertuples():
         shown = (_number(cell.filter_mm), _number(cell.open_loop_mm), _number(cell.spline_mm), _number(cell.ratio, 2))
@@ -140,7 +140,7 @@ PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ra
 
 
 def page_tables(cells: pd.DataFrame) -> str:
-    """The table of docs/zoo.md with a row for each body, and the summary below it."""
+    """The table of docs/zoo.md with a row for each body, and the `summary` below it."""
     body, kind = cells["name"].str.split(", ", expand=True).to_numpy().T
     rows = []
     for name, own in cells.groupby(body, sort=False):

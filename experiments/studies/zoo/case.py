@@ -1,4 +1,4 @@
-"""Cases of the zoo: a body, the constants that the filter assumes, a scale of the body, and a seed."""
+"""Cases of the zoo: a body, its scale, the kind of constants that the filter assumes, and a seed."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from experiments.simulation.bodies.zoo import BODIES, make_body
 from experiments.studies.estimation.trials import Frames, Model, frames_of
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Kinds of constants that a run assumes: best-known, with random errors of 20 % (1 sd), or identified from another
-recording of the body."""
+"""Kinds of constants that the filter assumes: the best known ones, constants with random errors of 20 % (1 sd), or
+constants identified from another recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
@@ -54,19 +54,19 @@ class Case:
 
     @property
     def cell(self) -> str:
-        """The name of the case's cell in the table: body, scale or constants, without the seed."""
+        """Name of the case's row in the table: the body, and its scale or its kind of constants."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
     @property
     def motion(self) -> Body:
-        """The moving body, cached for the next cases with the same motion."""
+        """The moving body, cached, because successive cases have the same motion."""
         return _body(self.body, self.seed, self.scale, self.length_s)
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Case:
-        """The case from a row of a table; columns that are no field of a case are ignored."""
+        """The case from a row of a table; other columns than the fields of a case are ignored."""
         return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
 
 
@@ -89,7 +89,7 @@ def cases(bodies: Sequence[str] = tuple(BODIES), seeds: Sequence[int] = REPORT_S
 
 
 def quick_cases() -> list[Case]:
-    """A few bodies for a second or less, for a test of all steps."""
+    """A few cases of one second or less, which test that the study runs."""
     return [
         Case("chain2", 0, length_s=1.0),
         Case("phantom", 0, "wrong", length_s=1.0),
@@ -98,7 +98,7 @@ def quick_cases() -> list[Case]:
 
 
 WRONG = float(np.log(1.2))
-"""Standard deviation of the logarithm of a wrong constant: 20 %."""
+"""Standard deviation of the error of a wrong constant's logarithm, for relative errors of 20 %."""
 
 OTHER_RECORDING = 100_000
 """Offset from a case's seed to the seed of its recording for identification."""
@@ -121,9 +121,9 @@ def assumed(body: Body, case: Case) -> Model:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with a random log-normal factor of 20 % standard deviation on each stiffness, dashpot and mass.
+    """The network with a random log-normal factor of 20 % standard deviation on each stiffness, damping and mass.
 
-    If the body is drawn at rest, rest lengths are fitted to the drawn shape.
+    If the initial positions of the body are at rest, new rest lengths keep them at rest.
     """
     network = body.network
 
@@ -143,9 +143,10 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
     """Model with constants fitted to another recording of the body; raises NotIdentifiedError.
 
+    The recording shows every node. The fit starts from exact masses. The springs of each kind start with one wrong
+    factor on their stiffness, and with another on their damping. Rest lengths are fitted, too.
+
     seconds: limit of the fit's processor time [s]
-    The recording shows every node. The fit starts from exact masses. All springs of a kind start with one wrong factor
-    on their stiffness, and another on their dashpots. Rest lengths are fitted, too.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])

@@ -39,10 +39,10 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Positions of hidden nodes by a spline through marks and anchors [m], (n_frames, n_hidden, dim).
+    """Positions of hidden nodes by a spline through marks and fixed nodes [m], (n_frames, n_hidden, dim).
 
     If the nodes are in a line, the spline is cubic along the line. Otherwise a thin-plate spline interpolates the
-    displacements from the drawn shape.
+    displacements from the network's initial positions.
     """
     network = body.network
     anchors = np.flatnonzero(network.fixed)
@@ -110,7 +110,7 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """The result of `run`; case: its fields as JSON types, which `run_study` passes."""
+    """The result of `run`; case: a `Case` as a mapping from names to values, as `run_study` passes it."""
     return run(Case.from_json(case))
 
 

@@ -16,12 +16,12 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""TRACKING is wrong if an error exceeds both bounds: the first in sigmas, the second relative to the body's size."""
+"""TRACKING is wrong if an error exceeds both bounds: the first in standard deviations, the second in body sizes."""
 
 
 @dataclass(slots=True, eq=False)
 class Followed:
-    """Estimates of a filter for a recording, until its end, a failure, or the time limit.
+    """Estimates of a filter in a recording. They end early if the filter fails or exceeds its time limit.
 
     means: positions of hidden points [m], (n, n_hidden, dim); covs: their covariances [m²], (n, n_hidden, dim, dim)
     status: status of each frame; seconds: the filter's processor time [s]
@@ -90,7 +90,7 @@ def hidden_scores(
 ) -> dict[str, float | int]:
     """Figures over all hidden points and all frames.
 
-    means, truth: positions [m], (n_frames, n_hidden, dim); covs: [m²], (n_frames, n_hidden, dim, dim)
+    means, truth: positions [m], (n_frames, n_hidden, dim); covs: covariances [m²], (n_frames, n_hidden, dim, dim)
     tracking: whether each frame is TRACKING, (n_frames,); size_m: extent of the body [m]
     non_finite: number of estimates with a non-finite value or without a positive definite covariance. `nees` and
     `sigma_m` omit such estimates. A non-finite position makes the errors infinite.

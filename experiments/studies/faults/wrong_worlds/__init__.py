@@ -1,1 +1,1 @@
-"""Study of wrong advice GO in worlds that differ from the stated scene; `__main__` has the command."""
+"""Study of how often the advice GO is wrong if the true tissue or its marks differ from the scene file."""

@@ -1,13 +1,13 @@
-"""Worlds that differ from the stated scene: frequency of GO on a wrong estimate.
+"""How often the advice GO relies on a wrong estimate, if the truth differs from the scene file.
 
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-SciPy's DOP853 computes the true motion of a poked and breathing body; a simulated tracker measures its marks. A live
-session with a scripted clock estimates the target and gives advice at every frame. In each world one property differs
-from the stated scene; properties that the scene does not state have their defaults. The study counts how often GO is
-displayed, and how often the estimate is then wrong: the error exceeds 1 mm, and the truth is outside the 99.9 % region.
-Latest figures: docs/faults.md.
+SciPy's DOP853 computes the true motion of a body under short forces and a breath. A simulated tracker measures its
+marks. A live session with a scripted clock estimates the target and gives advice at every frame. In each row of the
+table, the truth differs from the scene file in one property. If the scene file does not state a property, the filter
+uses the default. The study counts displays of GO, and displays of GO with a wrong estimate. An estimate is wrong if its
+error exceeds 1 mm and the truth is outside its 99.9 % region. Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from experiments.studies.faults.wrong_worlds.simulated import BODIES
 from experiments.studies.grid import chosen, command, grid, kept_runs, publish, seeds_of, study_options
 
 MOST = 0.005
-"""Largest permitted share of wrong estimates in moments with GO; a requirement."""
+"""Largest permitted share of wrong estimates in displays of GO; a requirement."""
 
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Largest median error [mm] and least coverage [%] with which a world without a wrong GO gets no row; choice: the first
-is the marks' noise."""
+"""Bounds for differences that get no row: largest median error [mm], which is the noise of the marks, and least
+coverage [%]; choice."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each world and body, with sums over seeds; error_mm: median over seeds."""
+    """A row for each of `WORLDS` and each body, with sums over seeds; error_mm: median over seeds."""
     rows = []
     for (world, body), own in runs.groupby(["world", "body"], sort=False):
         sums = own[SUMS].sum()
@@ -50,9 +50,9 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """Table with a row for each world, in bold if the share of wrong GO exceeds `MOST` with any body.
+    """Table with a row for each of `WORLDS`. A row is bold if the share of wrong GO exceeds `MOST` for any body.
 
-    Worlds within the bounds `HARMLESS` have no row; a line below the table names them.
+    Those within the bounds `HARMLESS` have no row; a line below the table names them.
     """
     lines, harmless = [], []
     for world in WORLDS:
@@ -98,15 +98,15 @@ def _percent(share: float) -> str:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the missing runs of the folder, and write the tables."""
+    """Do the runs that the output folder lacks, and write the tables."""
     parser = study_options(__doc__, page="faults.md", seeds=(20, 0))
     parser.add_argument("--only", action="append", default=[], help="name of a row; repeat for several; default: all")
-    parser.add_argument("--bodies", action="append", default=[], help=f"of {', '.join(BODIES)}; again for more")
+    parser.add_argument("--bodies", action="append", default=[], help=f"one of {', '.join(BODIES)}; repeat for several")
     parser.add_argument("--seconds", type=float, help="length of a run [s]; default: 12, for the breast 8")
     given = parser.parse_args(arguments)
     worlds, bodies = chosen("--only", given.only, WORLDS), chosen("--bodies", given.bodies, BODIES)
     axes = {"duration_s": [given.seconds]} if given.seconds else {}
-    # worlds vary fastest: most worlds of a body and a seed have the same truth, which is cached
+    # the world varies fastest, because most worlds of a body and a seed have the same truth, which is cached
     cases = grid(**axes, seed=seeds_of(given), body=bodies, world=worlds)
     rows = rows_of(kept_runs(run, cases, given.out, given).checked())
     summary = markdown(rows)

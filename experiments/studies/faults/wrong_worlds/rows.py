@@ -1,4 +1,4 @@
-"""Wrong worlds, one for each row of the table: each differs from the stated scene in one property."""
+"""Rows of the table. In each row, the truth differs from the scene file in one property."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ WEIGHT = 9.81
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A row of the table: a true world, and the scene that is stated for it.
+    """A row of the table: the true body, the tracker's frames, and the scene file that the filter gets.
 
-    onset_s: time from which the world differs from the scene and displays are evaluated [s]
+    onset_s: time from which the truth differs from the scene file, and from which the display is evaluated [s]
     truth: the true body and the forces on it; seen: function that changes the tracker's frames
-    scene: function that changes the stated scene; target: keys that are added to its table `[target]`
-    sd_m: stated standard deviation of the marks [m]; reference: whether the scene has reference marks on its anchors
+    scene: function that changes the scene file; target: keys that are added to the table `[target]` of the scene file
+    sd_m: standard deviation of the marks that the tracker states [m]
+    reference: whether the scene file has marks on the fixed nodes, which reveal a motion of the camera
     """
 
     onset_s: float = 0.0
@@ -54,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """Displace all marks, or one mark, in a random direction; `by`: displacements [m] at times since the onset [s]."""
+    """Displace all marks, or one mark, in a random direction; by: displacements [m] at times since ONSET_S [s]."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -67,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """Rotate all marks about the body's centre from the onset on, in space about a random axis."""
+    """Rotate all marks about the body's centre from ONSET_S on; the axis of a body in space is random."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -114,17 +115,17 @@ def _heavy(seen: Seen, rng: np.random.Generator) -> Seen:
 # changes of the tissue, or of its stated constants
 
 Factor = float | Callable[[Scene], Floats]
-"""Factor on the constants of a kind."""
+"""Factor on all constants of a kind, or function that returns a factor for each of them."""
 
 
 def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
-    """The network with constants multiplied by these factors, by kind of constant."""
+    """The network after its constants are multiplied by `factors`, one for each kind of constant."""
     own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
     return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 
 
 def _body(**factors: Factor) -> Truth:
-    """A true body with constants multiplied by these factors, drawn in its own rest shape."""
+    """A true body whose constants are multiplied by these factors. It starts in its rest shape."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -149,7 +150,7 @@ def _of_target(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
-    """Function like `_of_target`, but only the target's spring with the largest load at rest gets `factor`."""
+    """Function that returns `factor` for the target's spring with the largest load at rest, and 1 for other springs."""
 
     def factors(scene: Scene) -> Floats:
         network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
@@ -164,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with 0.3 of the stiffness of the target's springs; new rest lengths keep their forces at rest."""
+    """The network with 30 % of the stiffness and damping of the target's springs, and with an unchanged rest shape."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -173,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with a displaced rest position of the target; the random direction permits an equilibrium."""
+        """The body with a displaced rest position of the target, in a random direction that permits equilibrium."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -185,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with ten times the drag; nodes without drag get a drag that stops a free mass within about 0.1 s."""
+    """The network with ten times the drag. A node without drag gets one that would stop its mass within about 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 
@@ -263,4 +264,4 @@ WORLDS: Mapping[str, World] = {
     "half of the frames are lost": World(seen=_halved),
     "the tracker's clock is 2 % fast": World(seen=_fast),
 }
-"""Wrong worlds by name, in the order of the table."""
+"""Rows by name, in the order of the table."""

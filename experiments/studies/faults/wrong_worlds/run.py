@@ -1,4 +1,4 @@
-"""One run: a live session on a world that differs from its scene, and the evaluation of what it displays."""
+"""One run: a live session on marks of a body that differs from the scene file, and the evaluation of its display."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from experiments.studies.faults.wrong_worlds.simulated import (
 REFUSED = "refused"
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""Hue [degrees] and diameter [mm] of the reference marks of a scene with cameras; no other mark has this hue."""
+"""Hue [degrees] and diameter [mm] of marks on fixed nodes, in a scene with cameras; no other mark has this hue."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a world with a body and a seed; returns its row. The case's `duration_s` [s] replaces the body's."""
+    """Do one run, and return its figures; case: `world`, `body`, `seed`, and optionally `duration_s` [s]."""
     world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
     duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     with quiet_folder() as folder:
@@ -46,7 +46,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def words_of(moment: Moment) -> str:
-    """The displayed text, without its numbers."""
+    """The displayed text without numbers."""
     if moment.advice == str(Advice.GO):
         return moment.advice
     what = moment.status if moment.advice in (None, str(Advice.NO_GUIDANCE)) else moment.advice
@@ -54,12 +54,12 @@ def words_of(moment: Moment) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text without its numbers."""
+    """The text with an ellipsis for each number."""
     return re.sub(r"\d+(\.\d+)?", "…", text)
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
-    """All displayed moments of a live run; folder: folder of its tables. InputError if the scene is refused."""
+    """What a live run displays; folder: folder of its tables. Raises InputError if the scene file is refused."""
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
     stated = usable_scene(path)
@@ -76,7 +76,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """Text of the scene file that states this world."""
+    """Text of the scene file that the filter gets in this row of the table."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -91,12 +91,12 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 
 
 def counted(moments: list[Moment]) -> dict[str, Any]:
-    """The figures of a run's moments.
+    """Figures of a run from its displays.
 
-    frames, tracking: number of all frames and of TRACKING frames
+    frames, tracking: number of frames, and of frames with the status TRACKING
     tracking_wrong, covered: number of TRACKING frames with a wrong estimate, and with the truth in the 95 % region
-    go, go_wrong: number of moments with GO, and of those with a wrong estimate
-    error_mm: median error of TRACKING frames; shown: the text displayed most often
+    go, go_wrong: number of displays of GO, and of displays of GO with a wrong estimate
+    error_mm: median error of TRACKING frames [mm]; shown: the text displayed most often
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]

@@ -1,4 +1,4 @@
-"""True bodies of the study, their motion by SciPy's DOP853, and the lines that a tracker of their marks sends."""
+"""True bodies of the study, their motion by SciPy's DOP853, and the text that a tracker of their marks sends."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """Scene of a body, with a colour for each mark and without stated uncertainties."""
+    """Scene of a body. Each mark has a colour, and no uncertainty is stated."""
     scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
     return replace(scene, target=target, reference=Reference(), settings=FilterSettings())
@@ -74,10 +74,10 @@ TURNS_S = 4.0
 class Pushes:
     """Forces on the body.
 
-    pokes_m_s2, breath_m_s2: accelerations of the marked nodes by pokes and by a breath; 0 means none
-    everywhere: whether the breath accelerates all free nodes; hidden: whether the target is also poked
+    pokes_m_s2, breath_m_s2: accelerations of marked nodes by short forces (pokes) and by a breath; 0 means none
+    everywhere: whether the breath accelerates all free nodes; hidden: whether pokes also act on the target
     turned_deg: angle by which gravity turns in 2 s
-    second: whether there is a second breath with another period and direction
+    second: whether a second breath acts, with another period and another direction
     """
 
     pokes_m_s2: float = 5.0
@@ -95,7 +95,7 @@ PUSHES = Pushes()
 class Truth:
     """The true body and the forces on it.
 
-    network: function that returns the body's network; becomes: function that changes the network at onset_s [s]
+    network: function that returns the true network of a scene; becomes: function that changes it at onset_s [s]
     """
 
     network: Changes = lambda scene, _rng: scene.network
@@ -109,10 +109,7 @@ AS_STATED = Truth()
 
 @lru_cache(maxsize=32)
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
-    """The true motion of a scene's body; cached, because most worlds have the same motion.
-
-    Raises RuntimeError if the body has no rest shape, which does not happen for an accepted scene.
-    """
+    """The true motion of a scene's body, cached. Raises RuntimeError if the body has no rest shape."""
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
     more = None
@@ -145,7 +142,7 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
 
 
 def _posture(gravity: Floats, turned_deg: float) -> Posture:
-    """Gravity turns by this angle, from the axis along which it acts towards the next axis."""
+    """A rotation of gravity by this angle, from the axis along which it acts towards the next axis."""
     angle = np.radians(turned_deg)
     to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
     return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
@@ -171,9 +168,9 @@ class Seen:
     """Frames of a tracker.
 
     exposed_s, stated_s: exposure times by the true clock and by the tracker's clock [s], (n,)
-    arrive_s: arrival times of the lines by the true clock [s], (n,)
+    arrive_s: arrival times of the frames by the true clock [s], (n,)
     nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim)
-    middle: centre of the body as drawn [m], (dim,)
+    middle: centre of the body at rest [m], (dim,)
     """
 
     exposed_s: Floats
@@ -184,7 +181,7 @@ class Seen:
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Whether each frame is exposed in the lasts_s [s] after the time begins_s [s], (n,)."""
+        """Whether each frame is exposed between begins_s and begins_s + lasts_s [s], (n,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
@@ -202,7 +199,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """The tracker's lines in the order of arrival, each with its arrival time [s]; sd_m: stated sd of marks [m]."""
+    """Lines of text that the tracker sends, and their arrival times [s], in order; sd_m: sd of marks in them [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
@@ -216,7 +213,7 @@ def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
 
 
 class ScriptedMarks(LiveMarks):
-    """Live marks from lines with scripted arrival times. State: the script's clock [s], the remaining lines."""
+    """A `LiveMarks` that receives scripted lines at scripted times; now_s: the script's clock [s]."""
 
     def __init__(self, scene: Scene, lines: list[tuple[float, bytes]]) -> None:
         self.now_s = BEGAN_S
@@ -232,7 +229,7 @@ class ScriptedMarks(LiveMarks):
         return self._at_end or super().ended
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that has arrived; if there is none, the first that arrives within timeout_s [s]."""
+        """The newest frame that has arrived, or else the first that arrives within timeout_s [s]; None if none does."""
         until_s = self.now_s + timeout_s
         while self._to_come and self._to_come[0][0] <= self.now_s:
             self.take_line(self._to_come.popleft()[1])
@@ -248,6 +245,6 @@ class ScriptedMarks(LiveMarks):
         return frame
 
     def close(self) -> None:
-        """End the run and the thread that waits for its end."""
+        """Close the source, and end its thread."""
         self._over.set()
         super().close()
