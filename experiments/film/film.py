@@ -25,9 +25,8 @@ FILM, WORST = "film.avi", "worst.png"
 class Film:
     """A context manager that writes film.avi into a folder frame by frame, and worst.png at the end.
 
-    In space each camera has a film, film.NAME.avi. Without pictures, marks are drawn on a plain background;
-    InputError if such marks are in space and the scene has no camera.
-    State: the writer of each camera, created with its first frame; the worst frames.
+    In space each camera has a film, film.NAME.avi. If there are no pictures, marks are drawn on a plain background.
+    Marks in space need a camera of the scene; without one, InputError is raised.
     """
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:
@@ -62,7 +61,7 @@ class Film:
 
 
 def write_worst(worst: WorstFrames, folder: Path) -> None:
-    """Write worst.png to an existing folder, if there was any frame."""
+    """If any frame was drawn, write worst.png to an existing folder."""
     sheet = worst.sheet()
     if sheet is not None:
         write_whole(folder / WORST, cv2.imencode(".png", sheet)[1].tobytes())

@@ -29,9 +29,7 @@ class LiveFilm:
     """A film for each camera, written in pieces to the folder `growing` and joined at the end.
 
     growing: folder created with the first frame; if the run is killed, `softaim record --recover` joins the pieces
-    `take`, which the loop calls, only projects; a thread for each camera draws and compresses.
-    State: the threads; the number of pictures dropped because a thread was too slow; the first fault that ended a
-    thread; the files written.
+    A thread for each camera draws and compresses the pictures.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:

@@ -43,7 +43,7 @@ MOST_LINES = 6
 
 
 class Fate(StrEnum):
-    """Result for a mark in a frame: found and used, refused by the filter, or lost."""
+    """Result for a mark in a frame: found and used, found but rejected by the filter, or not found."""
 
     FOUND = "found"
     REFUSED = "refused"
@@ -57,7 +57,8 @@ class MarkDrawn:
     center_px, cov_px2: the detection, (2,), (2, 2); None for a lost mark
     expected_px, expected_cov_px2: the prediction, (2,), (2, 2); None if it is not known
     shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
-    candidate_px: a rejected detection, (2,); why: reason in words for this fate; measured: False if only for scoring
+    candidate_px: a rejected detection, (2,); why: reason in words for this fate
+    measured: whether the filter uses the mark
     """
 
     name: str
@@ -77,7 +78,7 @@ class MarkDrawn:
 class NeedleDrawn:
     """A needle.
 
-    shaft_px: its entry and tip, (2, 2); ahead_px: ends of its line beyond the tip, (2, 2)
+    shaft_px: ends of the drawn shaft, (2, 2); ahead_px: ends of the line ahead of the tip, (2, 2)
     aim_px, aim_cov_px2: the aim, (2,), and its covariance, (2, 2); None if not known
     """
 
@@ -94,7 +95,8 @@ class Overlay:
     status, status_colour: a word and its colour; facts: text beside the status, such as the time
     nodes_px: positions of the nodes, (n, 2), NaN outside the view; names: names of the nodes, "" for those not labelled
     fixed: whether each node is fixed, (n,); springs: pairs of nodes, (m, 2)
-    target_px, target_cov_px2: estimate, (2,), (2, 2), None if not known; target_shape_px: as `shape_px` of a mark
+    target_px, target_cov_px2: estimate, (2,), (2, 2), None if not known
+    target_shape_px: matrix that maps the unit disc to the target's image about its center, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint
     advice, advice_colour: a word and its colour, both empty without a needle
     """
@@ -126,7 +128,7 @@ def drawn(image: Image, overlay: Overlay) -> Image:
 
 
 def sketched(image: Image, overlay: Overlay) -> Image:
-    """A copy of a frame, as in `drawn`, with the overlay but without its text."""
+    """A copy of a frame, (height, width, 3) BGR uint8, with the overlay but without its text."""
     canvas = np.ascontiguousarray(image).copy()
     scale = scale_of(canvas)
     _network(canvas, overlay, scale)
@@ -150,7 +152,7 @@ def hue_colour(hue_deg: float) -> Colour:
 
 
 def within_95(cov_px2: Floats | None) -> Floats | None:
-    """Matrix from the unit circle to the 95 % ellipse of a covariance [px²]; None without a covariance."""
+    """Matrix from the unit circle to the 95 % ellipse of a covariance [px²]; None if there is no covariance."""
     if cov_px2 is None or not np.isfinite(cov_px2).all():
         return None
     values, vectors = np.linalg.eigh(cov_px2)

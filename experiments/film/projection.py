@@ -1,6 +1,6 @@
-"""Projection of places, covariances and shapes into the picture of a camera, in the plane or in space.
+"""Projection of positions, covariances and shapes into the picture of a camera, in the plane or in space.
 
-Image axes: u right, v down, pixels; the world in metres. Results are NaN or zero for points behind the camera.
+Image axes: u right, v down, in pixels. Results are NaN or zero for points behind the camera.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ ON_LINE = 500
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
-    """The view of one of the scene's cameras."""
+    """The projection into the picture of one of the scene's cameras."""
     return SpaceView(camera, _normals(scene)) if isinstance(camera, SpaceCamera) else PlaneView(camera)
 
 
 @lru_cache(maxsize=2)
 def _normals(scene: Scene) -> Mapping[str, Floats]:
-    """Outward unit normals of the marks as drawn, by node, (3,)."""
+    """Outward unit normal of each mark, (3,), by node, on the body in the shape that the scene states."""
     nodes = [mark.node for mark in scene.marks]
     return dict(zip(nodes, outward(scene, nodes), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class PlaneView:
-    """The view of a camera on marks on a plane."""
+    """Projection of the tissue's plane into the picture of a camera."""
 
     camera: PlaneCamera
 
@@ -64,29 +64,29 @@ class PlaneView:
         return self.places(ends_m)
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """Projection [px], (2,), of a position [m], (dim,); and its covariance [px²], (2, 2), from [m²], (dim, dim)."""
+        """Projection of a mean [m], (dim,), to [px], (2,), and of its covariance [m²], (dim, dim), to [px²], (2, 2)."""
         place_px = self._place(mean_m)
         if cov_m2 is None or not np.isfinite(place_px).all():
             return place_px, None
         return place_px, np.asarray(self.camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
 
     def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
-        """The image of a mark at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Matrix [px], (2, 2), that maps the unit disc to the image of a mark at a position [m], (dim,)."""
         return mark.shape_px(self.camera, place_m) if np.isfinite(self._place(place_m)).all() else np.zeros((2, 2))
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """The image of a ball of this radius [m] at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Matrix [px], (2, 2), that maps the unit disc to the image of a ball of this radius [m]; place_m: (dim,)."""
         is_seen = np.isfinite(self._place(place_m)).all()
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,). In space, False for an unknown one (None)."""
+        """Whether a node's mark may be visible at a position [m], (dim,). In space, False if the position is None."""
         return True
 
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """The view of a camera on a body in space; normals: by node, outward unit normals of the marks as drawn, (3,)."""
+    """Projection of a body in space into the picture of a camera; normals: outward unit normal of each mark, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue; area_px: their total area [px]; least_px: area that the detector needs of the smallest [px]."""
+    """Marks of one hue; area_px: their total area [px]; least_px: least area that the detector accepts [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -48,7 +48,8 @@ class Kind:
 class Taken:
     """Counter of pixels in the colour range of each kind of marks.
 
-    State: the times of the frames; pixels by frame and kind; for each kind, its frames with the fewest and most pixels.
+    times_s, pixels: times of the frames; for each frame, number of pixels of each kind
+    stills: for each kind, the frames with the fewest and the most pixels
     """
 
     kinds: tuple[Kind, ...]
@@ -68,7 +69,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """For each kind: marks, hue range, pixels relative to the picture and to the marks, shares of faulty frames."""
+        """For each kind of marks, statistics of its number of pixels over all frames."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share
@@ -103,7 +104,10 @@ def kinds_of(scene: Scene) -> tuple[Kind, ...]:
 
 
 def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
-    """A grey frame with each kind's pixels in its hue and their shares as text; classes: kind of each pixel, from 1."""
+    """A grey copy of a frame; the pixels of each kind of marks have the kind's hue, and text states their share.
+
+    classes: the kind of each pixel, counted from 1
+    """
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     darken(picture, 0.0, len(picture))
@@ -121,9 +125,9 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 def taken_over(
     source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
-    """Count each kind's pixels in a film, folder of pictures or recording; write tables and pictures into `folder`.
+    """Count the pixels of each kind of marks in a film, folder of pictures or recording. Raises InputError.
 
-    folder: existing folder for hue.csv, hue.png and, if film is True, film.avi. Raises InputError.
+    folder: existing folder for hue.csv, hue.png and, if film is True, film.avi; None to write nothing
     """
     scene, frames = open_source(source, scene_path, live=False, fps=fps, usual_fps=NOMINAL_FPS)
     with frames:

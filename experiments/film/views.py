@@ -139,7 +139,7 @@ def facts(estimate: TargetEstimate, n_measured: int) -> str:
 
 
 def advice_words(guidance: Guidance) -> str:
-    """The advice in one line: the word, the probability of a hit, the reason."""
+    """The advice in one line: its name, the probability of a hit, the reason."""
     what = str(guidance.advice).replace("_", " ")
     hit = "" if guidance.probability is None else f" {int(100.0 * guidance.probability)} %"
     return f"{what}{hit}: {guidance.reason}"
@@ -191,7 +191,7 @@ def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, vi
 
 
 def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
-    """Text with the distance of a rejected mark from its prediction."""
+    """Text with the distance of a rejected mark from its predicted position."""
     away = seen.position - mean
     sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"

@@ -34,10 +34,7 @@ class Still:
 
 
 class WorstFrames:
-    """Stores the worst frame of each kind. The kind of a frame is its status and the reason of its first faulty mark.
-
-    State: one picture for each kind.
-    """
+    """Stores the worst frame of each kind. A kind is a status of the estimate and the fault of the first bad mark."""
 
     def __init__(self) -> None:
         self._stills: dict[tuple[str, str], Still] = {}
@@ -58,7 +55,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """Pictures in rows of two, the worst kinds first; if there were no faults, the most uncertain frame."""
+        """Pictures in rows of two, the worst kinds first; if there were no faults, the most uncertain frames."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -73,7 +70,7 @@ class WorstFrames:
 
 
 def captioned(picture: Image, text: str) -> Image:
-    """A picture, at most as wide as a tile, below one or two lines of text."""
+    """A picture below one or two lines of text; it is at most as wide as a tile."""
     tile, line = _tile(picture), text_height(1.0)
     caption = np.zeros((CAPTION_LINES * line + 6, tile.shape[1], 3), dtype=np.uint8)
     for k, words in enumerate(wrapped(text, tile.shape[1] - 8.0, 1.0)[:CAPTION_LINES]):
@@ -82,7 +79,7 @@ def captioned(picture: Image, text: str) -> Image:
 
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
-    """Pictures on a sheet in rows of two, at most MOST_TILES of them; smaller pictures get a black edge."""
+    """Pictures on a sheet in rows of two, at most MOST_TILES in all. Smaller pictures get a black edge."""
     tiles = tiles[:MOST_TILES]
     height, width = np.max([one.shape[:2] for one in tiles], axis=0)
     shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles]

@@ -52,10 +52,7 @@ SETTLED_S = 0.5
 
 
 class BreathingPath:
-    """Breathing model of the target's motion, fitted to the filter's estimates.
-
-    State: the model, and the time from which estimates update it [s].
-    """
+    """Model of the target's breathing motion, fitted to the filter's estimates."""
 
     def __init__(self, dim: int) -> None:
         self.model, self._from_s = Breathing(dim), np.inf
@@ -69,7 +66,7 @@ class BreathingPath:
             self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
 
     def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
-        """The target's predicted path: the filter's or, if the target breathes, its mixture with the model's path."""
+        """Mix the filter's predicted path with the breathing model's; if no breathing is detected, return `path`."""
         if self.model.breath() is None:
             return path
         breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
@@ -78,7 +75,7 @@ class BreathingPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Advised:
-    """The advice at each frame of a recording: times of the frames [s] and guidance."""
+    """Advice for a recording: the times of the frames with advice [s], and the advice at each of these times."""
 
     recording: Recording
     plan: NeedlePlan
@@ -99,10 +96,11 @@ def advise(
     watch: Watcher | None = None,
     every_s: float = 0.0,
 ) -> Advised:
-    """Update the filter with every frame, and advise at each frame for a needle at the plan's position.
+    """Run the filter through all frames of a recording, and give advice on a needle at the plan's position.
 
-    watch: called with each frame that has advice, its step and the advice. every_s: least interval between two advices
-    [s]; 0 for advice at every frame. Raises InputError, SourceError.
+    watch: called with the frame, its `Step` and the advice, for each frame with advice
+    every_s: least interval between two pieces of advice [s]; if it is 0, every frame has advice
+    Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
@@ -139,10 +137,10 @@ def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
 
 
 def observed_hits(done: Advised) -> Floats:
-    """Observed hit rate: probability that a needle inserted as advised at each frame hits the true target, (n_frames,).
+    """For each frame, the probability that a needle inserted as advised hits the true target, (n_frames,).
 
     The tip and the target's displacement by the needle have random errors. The truth was recorded without a needle, so
-    the predicted displacement is added. NaN if the advice has no arrival time, or if the truth ends before that time.
+    the predicted displacement is added to the true position. If the truth at arrival is not known, the value is NaN.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -176,7 +174,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted and observed hit rate: of all frames with truth, and of those among them with the advice GO."""
+    """Mean predicted and mean observed hit rates: over all frames with truth; and over the frames with truth and GO."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)
@@ -216,7 +214,7 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """Content of advice.csv in seconds, mm and degrees, a row for each frame; with truth also a column `observed`."""
+    """The content of advice.csv. If the truth is known, it also has a column `observed` with observed hit rates."""
     import pandas as pd  # imported here: a live run does not need it and must start at once
 
     dim = done.recording.scene.network.dim

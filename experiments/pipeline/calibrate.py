@@ -97,7 +97,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures and, if `plane` is a file that is not among them, this file."""
+    """The pictures; if `plane` is a file that they do not contain, it is appended."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)
@@ -138,9 +138,9 @@ def command(
     write: Callable[[Mapping[Path, str | bytes]], None],
     folder: Callable[[Path], AbstractContextManager[Path]],
 ) -> list[Calibration]:
-    """Calibrate one camera from pictures, or several jointly from a folder each. Raises errors for bad input.
+    """Calibrate one camera from its pictures, or several cameras jointly. Raises errors for bad input.
 
-    Writes camera.toml, a plot and optional files for one camera, or a folder with NAME.toml and plots for several.
+    For one camera it writes camera.toml, a plot and optional files. For several cameras it writes NAME.toml and plots.
     vector: additional format of the plots, pdf or svg; picture: draws a calibration and returns the plot file's content
     write: function that writes all files, given by path; folder: opens the output folder for several cameras
     """

@@ -1,9 +1,8 @@
 """Comparison of the filter with the open loop and other methods on a recording's marks, for `softaim compare`.
 
-The filter and the open loop run first. The methods of `estimators.METHODS` then use the marks that this run has found.
-Each method has the filter's tissue model, initial state and force model. The extended, standard unscented and ensemble
-filters use one mode of the force model, pokes. The particle filter uses all modes and approximates the optimal filter.
-The smoother uses the marks of all frames and, like the filter, direct measurements of the target (fixes).
+All methods use the same marks, tissue model and initial state. The extended, standard unscented and ensemble filters
+assume brief forces (pokes) at all times. The particle filter approximates the optimal filter. The smoother uses the
+marks of all frames and, like the filter, direct measurements of the target (fixes).
 """
 
 from __future__ import annotations
@@ -44,8 +43,9 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Track a recording with these methods, all if None; stage(name) returns the function that reports progress.
+    """Track a recording with these methods; if `methods` is None, with all methods.
 
+    stage: returns, for the name of a stage, the function that reports its progress
     Raises InputError, SourceError, UnknownMethodError.
     """
     problem = tracking_problem(recording.scene, recording.fixes)
@@ -59,7 +59,7 @@ def compare(
 
 
 def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem:
-    """The input of every method, from a scene and a recording's fixes."""
+    """The input of every method; fixes: direct measurements of the target in the recording."""
     return TrackingProblem(
         scene.network,
         scene.target.point,

@@ -19,7 +19,7 @@ CONSTANTS = ("simulate", "identify")
 """Steps after which a scene has the tissue's constants, used for its simulation or identified from a recording."""
 
 SAGS = 1e-3
-"""Largest distance between drawn and rest positions of nodes that is not reported, relative to the network's size [1];
+"""Largest distance of a node at rest from its drawn position that is not reported, relative to the network's size [1];
 choice."""
 
 
@@ -29,7 +29,7 @@ def report_event(time_s: float, kind: str, text: str) -> None:
 
 
 def rest_offsets(scene: Scene) -> Floats:
-    """Distance of each node at rest from its drawn position [m], (n_nodes,)."""
+    """Distance of each node at rest from its position in scene.toml [m], (n_nodes,)."""
     network = scene.network
     return np.asarray(np.linalg.norm(rest_shape(network) - network.positions, axis=1))
 
@@ -44,10 +44,9 @@ def _edited(scene: Scene) -> bool:
 
 
 def rest_line(scene: Scene) -> str | None:
-    """A message if the network's rest shape is not the drawn one, which displaces the predicted target; else None.
+    """A message if the network's shape at rest differs from its shape in scene.toml; otherwise None.
 
-    The usual cause is that the unloaded springs have the drawn lengths, although gravity stretches them. If the rest
-    lengths were identified, there is no message: changes of other constants may have moved the rest shape since then.
+    If the rest lengths of the springs were identified, there is no message.
     """
     if rest_is_known(scene):
         return None
@@ -62,7 +61,7 @@ def rest_line(scene: Scene) -> str | None:
 
 
 def scene_line(scene: Scene) -> str:
-    """One line on a scene's assumptions: network, marks, target, uncertainty of constants, noise levels, steps done."""
+    """One line that describes a scene: network, marks, target, constants and noise levels, and the commands done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
     solid = network.continuum
@@ -80,7 +79,7 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """By name, messages on the steps that a scene lacks for the command `before`, and on other limits of the scene."""
+    """Messages by name: a step that the scene still lacks for the command `before`, or a target that is not hidden."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (

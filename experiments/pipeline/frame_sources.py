@@ -29,10 +29,11 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The scene of scene_path or else of the source, None if neither has one; and the frames of the source `spec`.
+    """The scene and the frames of the source `spec`. If scene_path is None, the scene is that of the source, if any.
 
-    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: frame rate of picture folders without
-    fps; phantom: process of the phantom, if already started. Raises InputError, also if the scene has no camera.
+    live, fps: as in `vision.open_source`; fps also applies to the phantom
+    usual_fps: frame rate of picture folders without fps; phantom: process of the phantom, if already started
+    Raises InputError, also if the scene has no camera.
     """
     recording = _recording_in(spec, scene_path, fps)
     if recording is not None:
@@ -136,7 +137,7 @@ def filmed_scene(path: Path) -> Scene:
 
 
 def check_size(frame: vision.Frame | vision.Exposure, scene: Scene, camera: str = "") -> None:
-    """Raise InputError if a picture's size differs from that of its camera; camera: its name in a scene in space."""
+    """Raise InputError if a picture's size differs from the size that its camera states; camera: its name in space."""
     images = {camera: frame.image} if isinstance(frame, vision.Frame) else frame.images
     names = [one.name for one in scene.space_cameras] or [camera]
     for name, image in images.items():

@@ -34,8 +34,8 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Largest permitted ratio of the target's error with the identified constants to that with the scene's constants [1];
-neither filter uses the target's mark; choice: a recording of a minute determines the ratio to a tenth."""
+"""Largest permitted ratio of the target's error with the identified constants to its error with the scene's constants
+[1]; choice: a recording of a minute determines the ratio to a tenth. The filter does not use the target's mark here."""
 
 MOST_SHARED = 0.5
 """Squared correlation above which two constants are reported as confounded [1]; choice."""
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if the recording has films in space that do not show a node's mark: it is for scoring only."""
+    """Raise InputError if a node's mark is inside the body, so that the recording's films in space cannot show it."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -57,7 +57,7 @@ def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
 
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
-    """All marks of each frame, including those for scoring only; raises InputError, SourceError."""
+    """All marks of each frame, including marks that the filter does not use; raises InputError, SourceError."""
     if recording.marks is not None:
         return list(marks_to_use(recording))
     frames = []
@@ -68,7 +68,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 
 
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
-    """The scene with rest lengths corrected so that it rests as in the recording; raises InputError."""
+    """Fit the springs' rest lengths, so that the scene rests in the mean shape of the recording; raises InputError."""
     network = recording.scene.network
     if network.continuum is not None:
         raise InputError.at("--at-rest", "a network of springs", "a mesh, which rests as drawn")
@@ -92,10 +92,10 @@ def identified_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, IdentificationResult]:
-    """The scene with the constants identified from a recording and their uncertainty, and the full result.
+    """Identify the constants of a scene from a recording; returns the scene with these constants, and the full result.
 
     workers: map function, which may distribute the filter's passes over processes.
-    Raises InputError if the target's mark is not visible, or if the result fits worse than the scene.
+    Raises InputError if the target's mark is not visible, or if the identified constants fit worse than the scene's.
     """
     scene = recording.scene
     with placed(recording.folder, IdentificationError):
@@ -140,10 +140,10 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the discrepancy level tuned on a recording, and the full result.
+    """Tune the discrepancy level, which is the size of the displacements that the model leaves out.
 
+    Returns the scene with this level, and the full result. Raises InputError if `minutes` is too short for any result.
     workers: map function, which may distribute the filter's passes over processes.
-    Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
     with placed(recording.folder, IdentificationError):
@@ -165,7 +165,7 @@ def tuned_scene(
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
     """Name, value [SI], relative standard error and change of each identified constant.
 
-    The entry `kept` is true if the value did not change, because the recording does not determine it.
+    If the recording does not determine a constant, its value did not change, and the entry `kept` is true.
     mesh: the mesh whose tissues have the constants; None for springs
     """
     tissues = () if mesh is None else mesh.tissues_of(found.network)
@@ -199,8 +199,7 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
     """Pairs of constants with correlated errors, the strongest correlation first.
 
-    A pair consists of two constants, or of the means over two kinds of constants. The recording determines a
-    combination of the two better than each of them.
+    A pair consists of two constants, or of the mean values of two kinds of constants.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -217,7 +216,7 @@ def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """By kind, the constants whose values did not change, because the recording does not determine them."""
+    """Names of the constants that the recording does not determine, by kind of constant."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:
@@ -278,13 +277,13 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
 
 
 def time_lines(found: IdentificationResult | TuningResult, minutes: float) -> list[str]:
-    """A line stating that the time limit ended the search; none if it did not."""
+    """If the time limit ended the search, a line that says so; otherwise no line."""
     best = f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
     return [] if found.in_time else [best]
 
 
 def _known_badly(found: IdentificationResult) -> list[str]:
-    """Lines on undetermined constants by kind, and on confounded pairs."""
+    """Lines on constants that the recording does not determine, and on pairs of constants with correlated errors."""
     lines = []
     if kept := not_determined(found):
         kinds = [group.kind for group in found.groups]

@@ -1,6 +1,6 @@
-"""Integrity of estimates for guidance: contradictions between marks and model, and unobservable errors.
+"""Integrity of estimates for guidance: contradictions between marks and model, and errors that marks cannot reveal.
 
-The error budget uses the errors that a scene states, or defaults; the mathematics is in `estimators.consistency`.
+The mathematics is in `estimators.consistency`.
 """
 
 from __future__ import annotations
@@ -30,15 +30,14 @@ MOST = 0.9
 """Share of the target's variance that the sources named in a message explain together [1]."""
 
 SEEN = "marks and disturbances"
-"""Name for the part of the filter's covariance that does not come from considered errors."""
+"""Name of the part of the target's variance that does not come from the errors that the scene states."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
     """Default standard deviations for a scene that states none.
 
-    stiffness, mass: relative errors of each spring's stiffness and of each node's mass, all independent [1]; choice. In
-    the balance of forces all springs have the same error, because independent errors would hide a cut spring.
+    stiffness, mass: relative errors of each spring's stiffness and of each node's mass, all independent [1]; choice
     scale: relative error of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
     position_m: error of the target's position in the tissue on each axis [m]; choice: the error of a registration from
     another picture
@@ -56,7 +55,10 @@ USUAL = UsualUncertainty()
 
 
 def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
-    """Balance of forces on a scene's body, with stated or default uncertainties of constants and camera."""
+    """Static balance of the forces on the body; uncertainties that the scene does not state have default values.
+
+    By default all springs share one stiffness error, because independent errors would hide a cut spring.
+    """
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), USUAL.stiffness))
     uncertainty = together if scene.uncertainty is None else scene.uncertainty
@@ -64,7 +66,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Function from positions of marks to their shifts by one sd of each calibration error; None without a camera."""
+    """Function from marks' positions to their shifts by one sd of each calibration error; None if no camera exists."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -77,10 +79,10 @@ def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
 
 
 def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
-    """Sources of the target's error that marks do not reveal; the filter considers those that the scene states.
+    """Sources of the target's error that marks cannot reveal.
 
-    The scene states errors of constants in `[uncertainty]`, which `softaim identify` writes. It states the error of a
-    camera's scale in `scale_sd` or `uncertainty`, and the error of the target's position in `position_sd_mm`.
+    If the scene states the size of an error, the filter's covariance includes it. The scene's keys are `[uncertainty]`
+    for constants, `scale_sd` or `uncertainty` for a camera, and `position_sd_mm` for the target's position.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -101,7 +103,7 @@ def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = calibration_error(places).reshape(len(nodes) * dim, -1)
         found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not _is_unscaled(scene)))
-    if not scene.reference.marks:  # these marks move with the camera
+    if not scene.reference.marks:  # reference marks reveal the drift
         drift_m = scene.reference.drift_sd_m
         alike = np.tile((USUAL.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
         name = "drift of the camera" if drift_m is not None else "drift of the camera (default)"
@@ -122,14 +124,14 @@ def _source(name: str, directions: Floats, *, stated: bool) -> ErrorSource:
 
 
 def unstated(budget: Sequence[ErrorSource]) -> Floats:
-    """Covariance of errors that the filter does not consider [m²], (dim, dim)."""
+    """Covariance of the target's errors that the filter's covariance does not include [m²], (dim, dim)."""
     return np.asarray(sum(one.cov for one in budget if not one.considered))
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Contribution of each source to the target's variance [m²], summed over all axes; empty without a covariance.
+    """Contribution of each source to the target's variance [m²], summed over all axes; empty if there is no covariance.
 
-    This is the variance that advice uses: it includes unstated errors, unlike the covariance of `estimate`.
+    The variance includes errors that the scene does not state. The covariance of `estimate` does not include them.
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -148,7 +150,7 @@ def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> 
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """Text with the largest sources of the target's variance, which together explain the share `MOST` of it."""
+    """Text that names the largest sources of the target's variance; together they explain at least the share `MOST`."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -159,7 +161,7 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the scene's camera or, in space, every camera has no stated calibration error."""
+    """Whether the scene has cameras, none of which has a stated calibration error."""
     if scene.space_cameras:
         return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None
@@ -176,12 +178,10 @@ UNEVEN = "pictures come too unevenly to determine exposure times"
 
 
 class IntegrityMonitor:
-    """Monitor of the estimates of a scene's filter, frame by frame in order of time.
+    """Checks in each frame whether the filter's estimate may be used for guidance.
 
     budget: sources of the target's error; unstated: covariance of errors that the filter ignores [m²], (dim, dim)
-    State: the test for contradictions; the balance of forces on the marks; tested_s, the time from which guidance is
-    possible [s], None before the first marks; the largest delay of pictures; the delay that a person has acknowledged;
-    whether pictures come irregularly.
+    tested_s: time from which guidance is possible [s], None before the first marks
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
@@ -197,8 +197,8 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns the reason to withhold guidance, or None.
 
-        Guidance is withheld for `MEANS` averaging times of the force balance after the first marks. Only this balance
-        shows a cut spring, and a short push on the tissue may hide the cut during one averaging time.
+        After the first marks, guidance is withheld for `MEANS` averaging times of the force balance. Only the force
+        balance reveals a cut spring, and it needs this time.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -207,21 +207,21 @@ class IntegrityMonitor:
         return self.contradiction.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate with unstated errors added to its covariance."""
+        """The estimate; its covariance also includes the errors that the scene does not state."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
 
     def restart(self) -> None:
-        """Discard the marks, because the filter restarts."""
+        """Discard the balance of forces, because the filter restarts."""
         self._balance.forget()
         self.tested_s = None
 
     def looked(self) -> None:
-        """Clear the contradiction and the delay, after a person has checked tissue, marks and picture."""
+        """Clear the contradiction and accept the present delay of pictures, because a person has checked them."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """Set the largest delay between a picture's time and its arrival [s]; returns whether it changed."""
+        """Set the largest delay of a picture [s], and whether pictures come unevenly. Returns True if they changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven
@@ -230,7 +230,7 @@ class IntegrityMonitor:
 
     @property
     def fault(self) -> str | None:
-        """Reason to withhold guidance regardless of the newest estimate's status; None without such a reason."""
+        """Reason to withhold guidance even if the newest estimate is good; None if there is no reason."""
         if self.contradiction.reason:
             return self.contradiction.reason
         if self._late_s > self._known_late_s:

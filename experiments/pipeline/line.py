@@ -1,4 +1,4 @@
-"""Processing of one frame, by the filter and by the paper's method: detect and identify marks, predict, update."""
+"""Processing of one frame: predict, find and identify the marks, update the filter and the paper's open loop."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from vision import PlaneCamera
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
-"""Largest number of coordinates and velocities of free nodes that commands accept, since preparation takes minutes for
-more; choice: 100 nodes in space. The filter itself has no limit."""
+"""Largest number of coordinates and velocities of free nodes that commands accept; choice: 100 nodes in space.
+Preparation takes minutes for more, but the filter itself has no limit."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Default error common to all fixes: the error of an ultrasound probe's calibration; a scene should state its own."""
+"""Default error common to all direct measurements of the target (fixes): that of an ultrasound probe's calibration."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,13 +63,13 @@ class Step:
     """Result of one frame.
 
     estimates: the target's estimate by each method
-    marks: all marks identified in the frame, including those for scoring only; corrected with reference marks if the
-    scene has any
-    swap: a detected exchange of marks, None in almost all frames
+    marks: all identified marks, also those that the filter does not use; corrected if the scene has reference marks
+    swap: a detected exchange of two marks' names; None in almost all frames
     refused: nodes whose marks the gate rejected
-    sight: the search for marks, None without the option `explain` of `Line`
+    sight: the marks that were searched; None if `Line` has explain=False
     reference: result for the reference marks; None if the scene has none
-    detect_s: time to find marks [s]; method_s: time of each method [s]; predict_s: time of the filter's prediction [s]
+    detect_s: computing time to find the marks [s]; method_s: computing time of each method [s]
+    predict_s: computing time of the filter's prediction [s]
     """
 
     estimates: dict[str, TargetEstimate]
@@ -114,14 +114,12 @@ class Film(Watcher, Protocol):
 
 
 class Line:
-    """Processing of the frames of one scene, in order of exposure, by all methods.
+    """Processes the frames of one scene in order of exposure.
 
-    check: also predict each mark without using it, and inflate the covariance if these predictions reveal a wrong model
-    fixes: direct measurements of the target, used at their times; the filter also estimates their common error
-    explain: record in each step which marks were searched and why some were not found; estimates do not change
-    State: the filter; the association of marks with nodes; with `check`, the filters that predict each mark; unless
-    baseline=False, the paper's open loop; the marks with their colours; the fixes not yet used; the pose from reference
-    marks; in space, the cameras' finders.
+    baseline: whether to run also the paper's open loop, in which marks drive the model without a filter
+    fixes: direct measurements of the target; the filter uses each at its time, and also estimates their common error
+    check: also predict each mark without using it; if these predictions reveal a wrong model, inflate the covariance
+    explain: record in each step which marks were searched and why some were not found
     """
 
     def __init__(
@@ -162,20 +160,20 @@ class Line:
 
     @property
     def camera(self) -> PlaneCamera:
-        """The scene's first camera with its present pose, which the reference marks correct."""
+        """The scene's first camera; if there are reference marks, they correct its pose."""
         camera = self.scene.cameras[0]
         return camera if self.reference is None else self.reference.camera(camera)
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
-        """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
+        """Process a picture, (height, width, 3) BGR, with this exposure time [s]."""
         return self._step(exposure_s, lambda: self._found_on_plane(image))
 
     def see_all(self, exposure: vision.Exposure) -> Step:
-        """Estimates at an exposure time from the pictures of cameras in space."""
+        """Process the pictures that cameras in space took at one time."""
         return self._step(exposure.exposure_s, lambda: self._found_in_space(exposure))
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
-        """Estimates at this exposure time [s] from another tracker's marks."""
+        """Process another tracker's marks with this exposure time [s]."""
         return self._step(exposure_s, lambda: self._found_by_tracker(marks))
 
     def _step(self, exposure_s: float, find: Callable[[], Found]) -> Step:
@@ -212,13 +210,13 @@ class Line:
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
     ) -> Sight | None:
-        """Record of the search for marks at the filter's time; None without `explain`."""
+        """Record of the search for marks; None if `explain` is false."""
         if not self._explain:
             return None
         return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
-        """Predict the filter to this time [s], and use the fixes up to it."""
+        """Predict the filter to this time [s]; on the way, use direct measurements of the target (fixes)."""
         if self.checks is not None:
             for other in self.checks.without.values():
                 other.predict(exposure_s)
@@ -273,7 +271,7 @@ class Line:
 
 
 def check_followed(scene: Scene, place: object = "scene") -> None:
-    """Raise InputError if a filter of the scene's network would take minutes to prepare."""
+    """Raise InputError if the network has so many free nodes that the filter's preparation would take minutes."""
     network = scene.network
     if network.n_state > MOST_STATES:
         most, where = MOST_STATES // (2 * network.dim), "in the plane" if network.dim == 2 else "in space"
@@ -282,14 +280,11 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
-    """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
-
-    If the estimate lists the marks that it used, the gate rejected all others. Otherwise the counts show which.
-    """
+    """Nodes of the marks that the gate rejected; counted: number of rejections in this frame, by node."""
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """The settings with an error common to all fixes; it is the default error if the settings state none."""
+    """If there are fixes and the settings state no error common to all fixes, set this error to `USUAL_BIAS`."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

@@ -1,8 +1,7 @@
 """Recording of frames as they arrive: what `softaim record` does.
 
-Unlike other output, a recording has its final name during writing, so that it remains if the program is killed. The
-film is written in pieces of a second. When a piece is complete on the disk, it gets its name; then its rows are added
-to frames.csv. At the end the pieces are joined into one film.
+The film is written in pieces of a second, so that a recording remains if the program is killed. A complete piece gets
+its final file name; then its rows are added to frames.csv. At the end the pieces are joined into one film.
 """
 
 from __future__ import annotations
@@ -56,8 +55,7 @@ class _Piece:
 class Recorder:
     """Writer of a recording that grows in pieces. Disk errors raise InputError.
 
-    After an interruption at any moment, such as Ctrl-C, a piece can be finished without duplicate frames.
-    State: the film's pieces, the present piece, the last exposure time [s], the error that ended the recording.
+    If Ctrl-C interrupts a call at any moment, a piece can still be finished without duplicate frames.
     """
 
     def __init__(
@@ -84,7 +82,7 @@ class Recorder:
         return self._piece.first_row
 
     def take(self, frame: vision.Frame) -> None:
-        """Append a frame; raises InputError for another size or a time out of order."""
+        """Append a frame; raises InputError if its size differs, or if its time is not later than the last frame's."""
         if self._fault is not None:
             raise self._fault
         height, width = frame.image.shape[:2]
@@ -109,9 +107,9 @@ class Recorder:
             self.finish_piece()
 
     def finish_piece(self) -> None:
-        """Give the present piece its name, then write its rows; both are synced to the disk.
+        """Complete the present piece, then write its rows to frames.csv; both are synced to the disk.
 
-        Raises InputError if the disk is full; then nothing more is recorded.
+        If this fails, for example because the disk is full, it raises InputError, and nothing more is recorded.
         """
         if self._fault is not None:
             raise self._fault
@@ -151,9 +149,9 @@ def record(
 ) -> int:
     """Record frames to a new folder until the source ends, `seconds` are over or Ctrl-C; returns the number of frames.
 
-    sources: source of one camera, or of several by name, whose pieces are in `segments.NAME`
-    scene: checked against the frames' size; scene_path: its file, copied if given
-    force: a recording in the folder is removed when the first frame comes
+    sources: the source of one camera, or the sources of several cameras by name
+    scene: its cameras must have the frames' size; scene_path: the scene file, which is copied to the folder
+    force: whether an older recording in the folder is removed when the first frame comes
     Nothing is written before the first frame. Raises InputError, SourceError; frames recorded before an error stay.
     """
     named = dict(sources) if isinstance(sources, Mapping) else {"": sources}
@@ -203,7 +201,7 @@ def record(
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove a recording's files from a folder, except its scene; other files stay. Raises InputError."""
+    """Remove a recording's files, except scene.toml, from a folder. Other files stay. Raises InputError."""
     of_cameras = [*_growing(folder), *(path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)]
     of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
     with accepted(folder, "a folder that can be written"):
@@ -239,9 +237,9 @@ def rate_of(exposures_s: Floats) -> float:
 
 
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
-    """Join a recording's pieces into a film of each camera; returns the number of frames, InputError if there are none.
+    """Join a recording's pieces into a film of each camera; returns the number of frames.
 
-    Incomplete rows, and frames without a row, are dropped. If the program is killed, the call can be repeated.
+    If the program is killed, the call can be repeated. Raises InputError if there are no pieces.
     """
     cameras = _growing(folder)
     if not cameras:
@@ -266,7 +264,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """Folders with the pieces of each camera, in a recording of several cameras that has not been joined."""
+    """If a recording of several cameras has not been joined: for each camera, the folder with its pieces."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 
@@ -298,10 +296,11 @@ def record_source(
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
     force: bool = False,
 ) -> tuple[int, int, bool]:
-    """Record one source, or NAME=SOURCE for each of several cameras, to the folder `out`, and join the pieces.
+    """Record to the folder `out`, and join the pieces.
 
-    Returns the numbers of recorded and of dropped frames, and whether there is a scene.
-    force: whether `out` may have files; a recording in it is replaced when the first frame comes
+    sources: one source, or NAME=SOURCE for each of several cameras
+    force: whether `out` may contain files; when the first frame comes, an older recording in it is removed
+    Returns the number of recorded frames, the number of dropped frames, and whether there is a scene.
     Raises InputError; if the source fails, the frames recorded before are joined first.
     """
     if codec not in ("FFV1", "MJPG"):

@@ -28,7 +28,11 @@ CONTRADICTED = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Points of a body: names, (k,), drawn and measured positions [m], (k, dim), covariances [m²], (k, dim, dim)."""
+    """Points on a body, measured in a tracker's coordinates.
+
+    names: (k,); drawn, measured: positions in the scene and in the tracker's coordinates [m], (k, dim) each
+    covs: covariances of the measured positions [m²], (k, dim, dim)
+    """
 
     names: tuple[str, ...]
     drawn: Floats
@@ -40,10 +44,10 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: for each point, distance from the position that the other points predict, and expected distance [m]
+    left_out: distance of each point from the position that the other points predict, and the expected distance [m]
     suspect: the point without which the fit is best; None if no point can be omitted
     target_sd_m: standard deviation of the registration at the target on each axis [m]
-    stated: whether the scene states the error of the target's position
+    stated: whether the scene stated an error of the target's position before the registration
     """
 
     scene: Scene
@@ -61,9 +65,9 @@ class Registered:
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """The scene, moved to fit the points that a table has in its first seconds. Raises InputError.
+    """Move a scene to fit the points that a table has in its first `seconds`. Raises InputError.
 
-    table: a file of points, or a folder that has it; mesh_file: file of the moved mesh
+    table: a file of points, or a folder with marks.csv; mesh_file: file for the moved mesh
     """
     path = table / MARKS if table.is_dir() else table
     points = _points(scene, path, seconds)

@@ -1,7 +1,7 @@
-"""Grids of simulated runs, with truth, marks and methods for each combination and seed: what `softaim sweep` does.
+"""Grids of simulated runs: what `softaim sweep` does.
 
-Truth depends only on scenario and seed, and errors of marks only on the seed; so combinations differ only by the grid's
-values.
+For each combination of the grid's values and each seed, truth and marks are simulated, and all methods track the marks.
+Random errors of the marks depend only on the seed, so that combinations differ only by the grid's values.
 """
 
 from __future__ import annotations
@@ -112,20 +112,20 @@ def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Sce
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene that methods use: constants are multiplied by their kind's factor, and keys of `[filter]` replaced."""
+    """The scene that methods use: constants are multiplied by their kind's factor, keys of `[filter]` are `changed`."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
 
 
 def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) -> MassSpringNetwork:
-    """The network with all constants of each kind multiplied by the kind's factor."""
+    """The network; each constant is multiplied by the factor of its kind."""
     which = parameters(network, tuple(kind for kind in KINDS if kind in factors))
     return scale_parameters(network, which, [np.log(factors[one.kind]) for one in which])
 
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
-    """The truth of a scenario and a seed; cached in the folder `truths`, unless that is None."""
+    """The simulated motion for a scenario and a seed; if `truths` is a folder, the motion is cached there."""
     network, rng = true_scene(text, scenario).network, np.random.default_rng([seed, 1])
     network = true_network(network, scenario, seed)
     if truths is None:
@@ -138,7 +138,7 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
     """A row for each method in one run: the figures of `softaim compare`, and error relative to that of the open loop.
 
-    truths: a folder for truths that runs on this machine share
+    truths: folder in which runs on this machine cache and share simulated motions
     """
     setup, seed = case["setup"], case["seed"]
     scenario, text = Scenario.model_validate(setup["scenario"]), setup["scene"]
@@ -163,7 +163,7 @@ def run_sweep(
     *,
     force: bool = False,
 ) -> tuple[Study, pd.DataFrame]:
-    """Do the missing runs; write runs.parquet, runs.csv, summary.csv and summary.md in the folder.
+    """Do the runs that the folder does not yet have; write runs.parquet, runs.csv, summary.csv and summary.md into it.
 
     Returns the runs, and a row for each combination and method, see `summarised`.
     force: whether the folder may have other files. Raises InputError before any run for invalid input.
@@ -192,7 +192,7 @@ def _check_folder(folder: Path, force: bool) -> None:
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """A row for each combination and method, in the order of the grid: numbers of runs and failures, and figures.
 
-    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median;
+    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median
     by_open_loop: mean error divided by that of the open loop
     """
     keys = list(sweep.keys)

@@ -49,13 +49,13 @@ class Track:
     """Estimates of all methods for a recording.
 
     steps: a step for each frame
-    truth: true position of the target [m], (n_frames, dim), NaN where unknown; truth_cov: covariance of its error [m²],
-    (n_frames, dim, dim), zero unless the truth is the measured position of a mark
+    truth: true position of the target [m], (n_frames, dim), NaN where unknown
+    truth_cov: covariance of the truth's error [m²], (n_frames, dim, dim), zero unless a mark measures the truth
     counts: further figures for summary.json, such as the numbers of rejected marks and repaired covariances
-    withheld: by node, errors of its mark as predicted by a filter that does not use this mark; only with `check`
+    withheld: by node, errors of its mark as predicted by a filter that does not use this mark; empty without `check`
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of the target's variance is the constant error of its position in the tissue
-    marks: by node, shares of frames in which its mark was found, refused or lost, and why
+    marks: by node, shares of frames in which its mark was found, rejected or not found, and why
     """
 
     recording: Recording
@@ -92,7 +92,7 @@ def track(
 ) -> Track:
     """Run the filter and the open loop through every frame; advance: called with the completed share.
 
-    check: also predict each mark without using it; watch: called with each frame and its step
+    check: also predict each mark by a filter that does not use it; watch: called with each frame and its step
     Raises InputError, SourceError.
     """
     if check and len(recording.scene.measured_nodes) < 2:
@@ -139,7 +139,7 @@ def track(
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Step]]:
-    """The `Step` of each frame of a recording, with the frame."""
+    """Each frame of a recording, with its `Step`."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)
@@ -156,14 +156,14 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Ste
 
 
 def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
-    """Time [s] and given marks of each frame of a recording; a frame that repeats earlier values gets no marks."""
+    """Time [s] and marks of each frame in marks.csv; if a frame repeats earlier values, its marks are omitted."""
     used, _ = without_repeats(recording.exposures_s, recording.marks or ())
     for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
         yield exposure_s, tuple(measurement(mark) for mark in marks)
 
 
 def frames_frozen(recording: Recording) -> int:
-    """Number of frames whose given marks are not used, because they repeat earlier values."""
+    """Number of frames whose marks are omitted because they repeat earlier values."""
     if recording.marks is None:
         return 0
     used, _ = without_repeats(recording.exposures_s, recording.marks)
@@ -178,8 +178,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    The position of the target's node comes from truth.csv or from the node's mark for scoring. The scene's offset from
-    the node to the target is then added, as in all estimates.
+    The position of the target's node comes from truth.csv or from a mark on this node. The scene's offset from the node
+    to the target is added.
     """
     scene = recording.scene
     node = scene.target.node
@@ -219,10 +219,10 @@ def _nees(error: Floats, truth_cov: Floats, cov: Floats | None) -> float:
 
 
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
-    """The figures of summary.json for one method; None for non-finite numbers.
+    """The figures of summary.json for one method; a figure that is not finite is None.
 
     Figures that need truth are present if any frame has truth. Figures that need a covariance or innovations are
-    present if the method has these.
+    present if the method has a covariance or innovations.
     """
     rows, estimates = table(done, method), done.estimates(method)
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]
@@ -251,7 +251,7 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
 
 
 def summary(done: Track) -> dict[str, dict[str, Any]]:
-    """The content of summary.json: figures by method; for the filter also its verdicts without truth."""
+    """The content of summary.json: figures by method; for the filter also the verdicts of tests that need no truth."""
     ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
     ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
     ours["verdict"] = verdict_of(done)
@@ -287,7 +287,7 @@ def write_tables(done: Track, folder: Path) -> None:
 
 
 def write_estimates(done: Track, folder: Path, names: Mapping[str, str], found: Mapping[str, Any]) -> None:
-    """Write a table of each method's estimates, by its file name in `names`, and summary.json to an existing folder."""
+    """Write a table of each method's estimates, and summary.json, to an existing folder; names: file name by method."""
     for method, name in names.items():
         (folder / name).write_text(table_text(table(done, method)), encoding="utf-8")
     (folder / "summary.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

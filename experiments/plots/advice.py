@@ -69,16 +69,16 @@ VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
 
 OBSERVED = "observed: share of needles with random errors of tip and push that hit the true target"
-"""Legend entry of the observed hits: the true path is fixed, tip and push are random, so some of the needles hit."""
+"""Legend entry of the observed hit rate."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 @styled
 def advice_figure(done: Advised) -> Figure:
-    """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice.
+    """The probability of a hit over time, the needle's miss, and a row of bars for each reason of the advice.
 
-    A constant miss is stated as text. In space the needle in the body is shown from two sides.
+    If the miss is constant, it is stated as text. In space the needle in the body is shown from two sides.
     """
     rows, reasons = table(done), reasons_of(done)
     lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
@@ -110,7 +110,7 @@ def advice_figure(done: Advised) -> Figure:
 
 
 def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
-    """Draw the needle and its latest aim from two sides, each in the body and as a close-up; returns legend entries."""
+    """Draw the needle and its latest aim from two sides, in the whole body and in close-ups; returns legend entries."""
     scene, plan = done.recording.scene, done.plan
     aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
     at_rest = scene.network.positions[scene.network.index(scene.target.node)]
@@ -140,7 +140,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw the hit probability of an insertion now; also of a later or a turned insertion, if it differs visibly."""
+    """Draw the hit probability of an immediate insertion, and of a later or a turned one if it differs visibly."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -185,7 +185,7 @@ def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
-    """Draw a lane for each reason: its text, and bars while it applied; a tick at each change of advice."""
+    """Draw a row for each reason: its text, and bars while it applied; a tick at each change of advice."""
     times = np.array(done.times_s)
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)

@@ -1,4 +1,4 @@
-"""Plot of a scene's check: network as drawn and at rest, marks, anchors, target, each mark's share of information."""
+"""Plot of a scene's check: the network with marks, anchors and target, and each mark's share of the information."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ VIEW_MM = 62.0
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """Figure of the network, as drawn and at rest, and of each mark's share of the information on the target."""
+    """Figure of the network as drawn and at rest, and of each mark's share of the information on the target."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 

@@ -23,8 +23,8 @@ from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_be
 def comparison_figure(done: Track) -> Figure:
     """Error of each method over time, and its predicted rms error: the root of the trace of its covariance.
 
-    All methods have the same scale; errors outside the plot are marked at its edge and counted. Without truth the
-    distance from the filter's estimate is drawn.
+    All methods have the same scale; errors outside the plot are marked at its edge and counted. If there is no truth,
+    the distance from the filter's estimate replaces the error.
     """
     methods = methods_of(done)
     figure, axes = grid_figure(PAGE_MM, 14.0 + 24.0 * len(methods), nrows=len(methods), sharex=True, sharey=True)

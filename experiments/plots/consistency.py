@@ -1,4 +1,4 @@
-"""Plots on the covariance's consistency: observed over predicted errors, NEES and NIS, marks predicted as if hidden."""
+"""Plots of the covariance's consistency: errors, NEES, NIS, and errors of marks that the filter did not use."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 @styled
 def sigma_figure(done: Track) -> Figure | None:
-    """Observed error over predicted standard deviation, for groups of frames; None without frames that have both.
+    """Observed error over predicted standard deviation, for groups of frames; None if no frame has both.
 
     If the covariance is consistent, 95 % of the groups lie in the band. Errors of frames are correlated in time, so the
     band's width uses the effective number of independent errors in a group.
@@ -91,7 +91,7 @@ def grouped(sigma: Floats) -> list[np.ndarray]:
 
 @styled
 def consistency_figure(done: Track) -> Figure | None:
-    """NIS, and with truth NEES, over time, with the 95 % bounds of a consistent filter; None without either."""
+    """NIS and, if the truth is known, NEES over time, with their 95 % bounds; None if both are missing."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     freedom = {"nees": np.full(len(ours), dim), "nis": np.array([e.degrees for e in done.estimates(FILTER)])}
     keys = [key for key in freedom if ours[key].notna().any()]
@@ -136,7 +136,10 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Ratio of observed to predicted errors of marks predicted as if hidden; ValueError without marks."""
+    """Observed over predicted error of each mark, which was predicted by a filter that does not use this mark.
+
+    Raises ValueError if there are no marks.
+    """
     if not withheld:
         raise ValueError("withheld_figure: expected marks that were predicted as if hidden, found none")
     width = COLUMN_MM if len(withheld) <= 8 else PAGE_MM

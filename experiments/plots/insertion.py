@@ -43,9 +43,10 @@ FARTHEST_MM = 20.0
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
-    """Draw hits.png, misses.png, reliability.png and advised.png into a folder; vector: "pdf" or "svg" beside each.
+    """Draw hits.png, misses.png, reliability.png and advised.png into a folder.
 
-    Each of the last two is omitted if none of its bins has `N_LEAST` insertions.
+    If no bin of a reliability plot (reliability.png, advised.png) has `N_LEAST` insertions, the plot is omitted.
+    vector: "pdf" or "svg" for a vector file of each plot
     """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
     bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}
@@ -103,7 +104,7 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates over the probabilities that the policy `filter-ahead` predicts at the commitment.
+    """Hit rates of the policy `filter-ahead` over the probabilities that it predicts when it decides to insert.
 
     In each run the radius of the lesion is drawn at random.
     """

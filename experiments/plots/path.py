@@ -112,7 +112,7 @@ def _in_space(done: Track) -> Figure:
 
 
 def _last(done: Track) -> TargetEstimate | None:
-    """The last estimate near the body whose ellipsoid is not larger than the body; None if there is none."""
+    """The last estimate that lies near the body and has an ellipsoid smaller than the body; None if there is none."""
     box, size = widened(body_box(done), AROUND), body_size(done)
     near = [e for e in done.estimates(FILTER) if e.cov is not None and not outside(e.mean[None], box)[0]]
     return next((e for e in reversed(near) if e.cov is not None and _fits(e.cov, 0.5 * size)), None)
@@ -204,7 +204,10 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """Draw 2-sigma ellipses of some frames, faint if no consistent marks support the estimate; returns as `_close`."""
+    """Draw 2-sigma ellipses of some frames; returns how many were drawn, and how many were too large.
+
+    If no consistent marks support an estimate, its ellipse is faint.
+    """
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}
@@ -217,7 +220,10 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 
 
 def _film(done: Track, ax: Axes) -> bool:
-    """Draw the network's part of the film's first frame; return False if there is no film or its axes are turned."""
+    """Draw the part of the film's first frame that shows the network.
+
+    Returns False if there is no film, or if its picture is turned against the plot's axes.
+    """
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
         return False
@@ -236,7 +242,7 @@ def _film(done: Track, ax: Axes) -> bool:
 
 
 def _network(done: Track, ax: Axes, *, lines: bool) -> None:
-    """Draw the names of the nodes at their drawn positions; if `lines`, also springs and nodes."""
+    """Draw the names of the nodes at their positions in the scene; if `lines`, also springs and nodes."""
     scene = done.recording.scene
     network = scene.network
     x = 1e3 * network.positions

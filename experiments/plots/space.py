@@ -101,7 +101,7 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
 
 
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
-    """Draw the body in its drawn shape, with names of the marks on the visible side.
+    """Draw the body in the shape that the scene states, with names of the marks on the visible side.
 
     room_mm: side in print of the square that the axes fill [mm]; within_m: more positions to show [m], (n, 3)
     """
@@ -116,7 +116,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """Draw the faces towards the viewer, far ones first, as lit by a lamp; wall: whether each is fixed, (n_faces,)."""
+    """Draw the faces towards the viewer with shading, the far ones first; wall: whether each is fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -147,7 +147,7 @@ def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int
 
 
 def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
-    """Draw marks in their hues: named on the near side, small and pale on the far side; marks for scoring as rings."""
+    """Draw marks: named on the near side, small and pale on the far side, as rings if the filter does not use them."""
     network, near = scene.network, facing(view, scene)
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
     named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
@@ -238,7 +238,7 @@ def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> N
 
 
 def close_up(ax: Axes, middle: Floats, reach: float) -> None:
-    """Set limits at this distance [mm] around a position in the plot [mm], (2,), and draw a scale bar."""
+    """Set the axes' limits to this distance [mm] from a position in the plot [mm], (2,), and draw a scale bar."""
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set(visible=True, color="0.6")

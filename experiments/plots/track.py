@@ -28,10 +28,10 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    There is always path.png. With truth there are error.png and sigma.png; without truth there is motion.png, which in
-    space is part of path.png. If the filter used marks, there is consistency.png. If the filter predicted marks as if
-    they were hidden, there is withheld.png.
-    vector: "pdf" or "svg" for a vector file beside each; advance: called with the completed share
+    path.png is always drawn. With truth there are error.png and sigma.png. Without truth there is motion.png; in space
+    it is part of path.png. If the filter used marks, there is consistency.png. If each mark was also predicted by a
+    filter that does not use it, there is withheld.png.
+    vector: "pdf" or "svg" for a vector file of each plot; advance: called with the completed share
     """
     pictures: dict[str, Figure | None] = {"path": path_figure(done)}
     if done.has_truth:

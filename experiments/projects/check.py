@@ -1,7 +1,6 @@
 """Check of a scene before estimation: what `softaim check` finds.
 
-The rest shape, oscillations and the accuracy bound are computed for the scene's network near its rest. The scene's
-filter, given marks at rest, shows how much information on the target a frame contains.
+The accuracy bound is computed for small motions of the scene's network about its rest shape.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ FRAMES_PER_S = 30.0
 """Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Least and largest time for which the filter gets marks at rest [s]; the time ends when the covariance is steady."""
+"""Shortest and longest run of the filter with marks at rest [s]; the run ends when the covariance is steady."""
 
 SETTLED = 0.01
 """Relative change of the target's variance in a quarter of a second up to which the variance counts as steady [1]."""
@@ -51,7 +50,7 @@ class SceneCheck:
     estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m: lower bound on the target's standard deviation on each axis for unbiased estimates, without pushes [m]
-    pushed_m: the same bound, with pushes on all marked nodes as in the scene's filter [m]
+    pushed_m: this bound if all marked nodes are pushed as strongly as the scene's filter assumes [m]
     """
 
     path: Path
@@ -71,7 +70,7 @@ class SceneCheck:
 
     @property
     def offsets_m(self) -> Floats:
-        """Distance of each node at rest from its drawn position [m], (n_nodes,)."""
+        """Distance of each node at rest from its position in the scene's file [m], (n_nodes,)."""
         return np.asarray(np.linalg.norm(self.rest - self.scene.network.positions, axis=1))
 
     @property
@@ -107,7 +106,7 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: rate and standard deviation of the marks, instead of those of the recording or camera
+    frames_per_s, sd_mm: frame rate, and standard deviation of marks; by default those of the recording or camera
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -162,10 +161,9 @@ def _interval_s(recording: Recording | None) -> float:
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
-    """Measured marks at rest with covariances, nodes that only one camera sees, and nodes without found marks.
+    """Measured marks at rest with covariances, nodes that only one camera sees, and nodes whose mark was not found.
 
-    The covariance comes from sd_mm, from the rows of marks.csv, or from a picture (a film's first or a synthetic one).
-    Without any of these, or if no measured mark is found, `NEAR_SD_MM` is used.
+    The covariance comes from sd_mm, from marks.csv or from a picture; by default it is that of `NEAR_SD_MM`.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -179,7 +177,7 @@ def _seen(
         step = _step(line, recording)
         found = {mark.node: mark for mark in step.marks}
         single = frozenset() if line.space is None else line.space.single
-        # in a recording, marks for scoring only may be covered
+        # in a recording, marks that the filter does not use may be covered
         due = [mark.node for mark in scene.marks if mark.measured or (recording is None and scene.cameras)]
         lost = {} if step.sight is None else step.sight.lost
         unfound = {node: lost.get(node) for node in due if node not in found}
@@ -192,7 +190,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """Result of a search for marks in each camera's first picture or, without a recording, in synthetic pictures."""
+    """Result of a search for marks in each camera's first picture; without a recording, in synthetic pictures."""
     scene, images = line.scene, {}
     x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
     if recording is not None:
@@ -225,7 +223,10 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """By node, the covariance [m²] of the row with the median sd, or `usual` without rows; and nodes without rows."""
+    """For each node, the covariance [m²] of the row with the median sd; and the nodes without rows.
+
+    usual: the covariances that are returned if there are no rows
+    """
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)

@@ -210,7 +210,7 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
 
 
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The fixed nodes, and the scene's key `fixed`; raises InputError if no node or every node is fixed."""
+    """The fixed nodes, and the value of the scene's key `fixed`; raises InputError if none or all nodes are fixed."""
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
@@ -299,7 +299,10 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """Position of the simulated lesion [m], (3,): random with the stated sd per axis, inside the body and not fixed."""
+    """Random position of the simulated lesion [m], (3,), inside the body, where the tissue can move.
+
+    Its standard deviation on each axis is the stated one.
+    """
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):
@@ -315,7 +318,7 @@ def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> f
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:
-    """The scene of a mesh: marks on its surface, and a mark of the target for scoring only."""
+    """The scene of a mesh: marks on its surface, and on the target a mark that the filter does not use."""
     with placed(of.path, SceneError):
         mesh, network = mesh_network(content, of.path, table)
     places = np.array([*marks.values()])

@@ -1,4 +1,4 @@
-"""Tissues of a mesh: a single one, several by a file's labels, or mixtures of fat and glandular tissue by a field."""
+"""Tissues of a mesh: one tissue, a tissue for each label in a file, or mixtures of fat and glandular tissue."""
 
 from __future__ import annotations
 
@@ -37,11 +37,10 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 
 
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
-    """Assign the tissues of a body; raises InputError.
+    """Assign the tissues of a body; the options have passed `check_tissues`. Raises InputError.
 
-    regions: LABEL=TISSUE for each label of the field; without regions, the field is the share of glandular tissue
+    regions: LABEL=TISSUE for each label of the field; if there are none, the field is the share of glandular tissue
     young_pa: Young's modulus of a body of one tissue [Pa]
-    The options have passed `check_tissues`.
     """
     if regions or field is not None:
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")

@@ -12,7 +12,8 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle displaces; numerical: the last changes it by < 10 µm."""
+"""Number of iterations for the aim at a target that the needle displaces; numerical: the last moves the aim by < 10
+µm."""
 
 N_ENTRIES = 200
 """Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
@@ -25,9 +26,9 @@ BEFORE = np.linspace(0.02, 1.0, 25)
 
 
 def aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Unit vector, (dim,), from an entry [m], (dim,), to the target as the needle displaces it; this displacement [m].
+    """Unit vector from an entry to the target displaced by the needle, (dim,); and this displacement [m], (dim,).
 
-    start: the target's position at rest [m], (dim,)
+    start, entry: positions of the target at rest and of the entry [m], (dim,)
     """
     shift = np.zeros_like(start)
     for _ in range(AIMING):
@@ -44,7 +45,7 @@ def surest_entry(
     nearest: Floats,
     wall: NDArray[np.int64],
 ) -> tuple[Floats, Floats]:
-    """The entry with the least error of the tip by push and bending [m], (3,), and the needle's direction, (3,).
+    """The entry [m], (3,), where push and bending cause the least error of the tip; and the needle's direction, (3,).
 
     Entries on the side of the wall are excluded, because the rest of the patient's body is there.
     faces: free surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
@@ -69,7 +70,10 @@ def surest_entry(
 
 
 def _is_open(mesh: TetMesh, entry: Floats, target: Floats) -> bool:
-    """Whether a straight needle reaches an entry [m], (3,), from outside, and the target through tissue only."""
+    """Whether a straight needle can reach the entry from outside, and then the target through tissue only.
+
+    entry, target: positions [m], (3,)
+    """
     way, extent_m = target - entry, float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     through = entry + THROUGH[:, None] * way
     before = entry - BEFORE[:, None] * extent_m * way / np.linalg.norm(way)

@@ -82,7 +82,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
 
 
 def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
-    """Subject and sentence of each line, with missing parts last."""
+    """Lines of the report, each with its subject and its text; lines on missing parts are last."""
     lines = [
         ("scene", _scene(done)),
         ("rest", _rest(done)),
@@ -256,7 +256,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """Why most of the missing marks were not found, with the numbers of one of them; and what to check."""
+    """Most frequent reason why marks were not found, with the numbers of one mark; and what to check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]
@@ -284,7 +284,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Hit probability of the best aim, if the target's sd equals its lower bound without pushes."""
+    """Hit probability of the best aim, if the target's standard deviation equals its lower bound `quiet_m`."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -304,7 +304,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Largest distance between the drawn and the rest position of a node that is not reported [m]."""
+    """If a node's position at rest is farther than this from its position in the scene [m], the report states it."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

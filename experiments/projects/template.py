@@ -63,8 +63,8 @@ OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03
 class Template:
     """Content of a project: the user's scene, the scene of the simulated tissue, and the needle's entry and direction.
 
-    assumed: the scene that the filter assumes; its shape at rest is the drawn one
-    truth: the scene of the simulated tissue, drawn at rest; only its constants and positions differ from `assumed`
+    assumed: the scene that the filter assumes; its positions are those at rest
+    truth: the scene of the simulated tissue at rest; only its constants and positions differ from `assumed`
     entry_m: where the needle enters the tissue [m], (dim,)
     direction: unit vector from the entry to the target as the needle displaces it, (dim,)
     """
@@ -77,14 +77,14 @@ class Template:
 
     @property
     def truth_all_seen(self) -> Scene:
-        """The simulated tissue for a calibration, in which every mark is measured, including those inside."""
+        """The scene of the simulated tissue for a calibration: all marks are measured, also those inside the tissue."""
         return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
 
 
 def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
     """The project of a phantom; raises InputError if the simulated tissue would not hold its shape.
 
-    hues: hues of the marks, if stated [degrees]; way: direction from the target to the needle's entry, (dim,)
+    hues: stated hues of marks by node [degrees]; way: direction from the target to the needle's entry, (dim,)
     """
     assumed = scene_with_marks(phantom, hues)
     network = assumed.network
@@ -102,7 +102,10 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
-    """The scene of a phantom: marks on its free nodes, those inside only for scoring; with a camera if it is flat."""
+    """The scene of a phantom; each free node has a mark. The filter does not use marks inside the phantom.
+
+    If the phantom is flat, the scene has a camera.
+    """
     network = phantom.network
     shortest_m = spring_lengths(network.positions, network.springs).min()
     diameter_m = float(np.round(MARK_SIZE * shortest_m, 4))

@@ -1,4 +1,4 @@
-"""A page for viewers and OpenIGTLink for programs, in separate processes.
+"""A page for viewers and OpenIGTLink for programs, in another process.
 
 A new protocol belongs here.
 """

@@ -1,4 +1,4 @@
-"""Commands of clients to a running loop, checked before they are passed on; an error has one line."""
+"""Commands of clients to a running loop, checked before they are passed on; error messages have one line."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Record(_Command):
 
 
 class Reset(_Command):
-    """Reset the state, and start again with the next frame."""
+    """Reset the filter; the next frame initialises it again."""
 
     command: Literal["reset"]
 
@@ -56,7 +56,7 @@ class Hue(_Command):
 
 
 class NeedleAt(_Command):
-    """Position of a tracked needle's tip [mm], and its direction."""
+    """Set the position of a tracked needle's tip [mm], and the direction of the needle."""
 
     command: Literal["needle"]
     tip_mm: Place
@@ -77,7 +77,7 @@ _ADAPTER: TypeAdapter[Command] = TypeAdapter(Command)
 
 
 def read_command(found: Any) -> Command:
-    """Read a command from a decoded JSON object, or from its text. Raises ValueError, in one line, if it is invalid."""
+    """Read a command from a decoded JSON object or its text. If it is invalid, raises ValueError in one line."""
     try:
         return _ADAPTER.validate_json(found) if isinstance(found, str | bytes) else _ADAPTER.validate_python(found)
     except ValidationError as error:

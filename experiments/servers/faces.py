@@ -60,9 +60,9 @@ def address_of(listener: socket.socket) -> str:
 
 
 def names_of(listener: socket.socket) -> list[str]:
-    """Possible Host headers for this listener: HOST:PORT each, and HOST alone at port 80.
+    """Possible Host headers for this listener: HOST:PORT; if the port is 80, also HOST.
 
-    HOST is its address, or any address of the machine if it listens on all.
+    HOST is an address or a name of this machine at which the listener can be reached.
     """
     host, port = listener.getsockname()[:2]
     names = _names(ipaddress.ip_address(host))

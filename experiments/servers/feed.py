@@ -15,7 +15,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A published state of the run as JSON, its consecutive number and, if clients request it, a picture as JPEG."""
+    """A published state of the run as JSON; its number, from 1; and, if clients request it, a picture as JPEG."""
 
     number: int
     text: bytes
@@ -27,7 +27,7 @@ class Feed:
 
     send: passes a command to the loop without waiting; the loop may refuse the command
     scene: the message with all constant values, sent to viewers first
-    State: the newest moment; number of clients that request pictures.
+    newest: the newest state; n_watching: number of clients that request pictures
     """
 
     def __init__(self, scene: Message, send: Callable[[Message], None] = lambda _command: None) -> None:
@@ -43,7 +43,7 @@ class Feed:
         self._changed = asyncio.Event()
 
     async def after(self, number: int, timeout_s: float | None = None) -> Moment | None:
-        """Wait for a moment whose number is larger than `number`; returns the newest, None if none came in time."""
+        """Wait for a state with a larger number than `number`; returns the newest, or None after timeout_s [s]."""
         try:
             async with asyncio.timeout(timeout_s):
                 while self.newest is None or self.newest.number <= number:

@@ -27,7 +27,7 @@ MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval between pictures [s]; choice: more would be indistinguishable; compressing one takes 3 ms."""
+"""Least interval between pictures [s]; choice: viewers see no difference to a shorter interval."""
 
 QUALITY = 80
 """JPEG quality, out of 100; choice: marks and their rims are clearly visible."""
@@ -40,8 +40,7 @@ class Link:
     """A process that serves a live run, from its start to `close()`.
 
     notices: lines with the servers' addresses, which `tell` prints on standard error
-    State, shared with the threads: the state that waits to be sent; whether the process is ready to receive it; the
-    number of clients that request pictures; the requests that the loop has not yet fetched.
+    n_watching: number of clients that request pictures
     """
 
     def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
@@ -81,7 +80,7 @@ class Link:
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace the waiting state by the newest; message: function that makes it, called in the sending thread."""
+        """Replace the state that waits to be sent; message: makes the state's message, in another thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()
@@ -89,7 +88,7 @@ class Link:
             self._pictured_s = time.monotonic()
 
     def requests(self) -> Iterator[Mapping[str, Any]]:
-        """The requests of clients, in order; requests not taken from the iterator wait for the next call."""
+        """The requests of clients, in order; a request that the caller does not take waits for the next call."""
         while self._requests:
             yield self._requests.popleft()
 

@@ -193,7 +193,7 @@ def _px(place_px: Floats | None) -> list[float] | None:
 
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
-    """Semi-axes of the 95 % ellipse, (2, 2), one in each row; None without a covariance."""
+    """Semi-axes of the 95 % ellipse, (2, 2), one in each row; None if there is no covariance."""
     shape = within_95(cov_px2)
     return None if shape is None else shape.T.tolist()
 
@@ -205,7 +205,7 @@ def _colour(colour: Colour) -> str:
 
 @lru_cache(maxsize=256)
 def nis_band(degrees: int) -> tuple[float, float] | None:
-    """The 95 % interval of NIS for this number of coordinates; None for zero."""
+    """The 95 % interval of NIS for this number of coordinates; None if the number is zero."""
     if not degrees:
         return None
     low, high = chi2.ppf(BAND, degrees)

@@ -14,11 +14,11 @@ from experiments.servers.link import Link
 
 @contextmanager
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
-    """The process that serves a page and OpenIGTLink until the context ends; None if neither is requested.
+    """Serve a page and OpenIGTLink in another process until the context ends; yields the link to it.
 
-    page, openigtlink: addresses as HOST:PORT. If page is None, the page is on loopback: at its default port or, if that
-    port is in use, at any free port.
-    Addresses are printed on standard error when clients are served. InputError if an address is not available.
+    page, openigtlink: addresses as HOST:PORT; if `openigtlink` is None, OpenIGTLink is not served
+    with_page: whether to serve a page; if `page` is None, the page is on loopback, at its default port or any free port
+    If there is nothing to serve, it yields None. Raises InputError if an address is not available.
     """
     lacking = missing("live")
     if page is not None:

@@ -24,7 +24,7 @@ def serve(connection: Connection, faces: Faces) -> None:
 
 
 class _Served:
-    """The servers of one run. State: the connection; servers that run."""
+    """The servers of one run."""
 
     def __init__(self, connection: Connection, faces: Faces) -> None:
         self._connection, self._faces = connection, faces

@@ -43,14 +43,14 @@ LAST_EVENTS = 8
 """Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""Time without a frame after which the addresses are printed [s]; choice: a wrong source fails earlier."""
+"""Time without a frame after which the addresses are printed [s]; choice: a wrong source reports its error earlier."""
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
 
 
 class LastEvents(logging.Handler):
-    """Log handler that stores the last reported lines. State: these lines."""
+    """Log handler that stores the last reported lines."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -62,7 +62,7 @@ class LastEvents(logging.Handler):
 
 
 class Shows:
-    """`Attendant` that shows a run through a link. State: link; last events; whether the run is paused or recorded."""
+    """`Attendant` that shows a run to viewers through a link."""
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
         self.link = link
@@ -77,7 +77,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, or report that there is no frame."""
+        """Show a frame without an estimate; if `frame` is None, report that there is no frame."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         at_s = time.monotonic() if frame is None else frame.exposure_s
@@ -115,7 +115,6 @@ class Shows:
         """Handle the requests since the last cycle of the loop, and report failed requests.
 
         It returns after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
-        Addresses are printed with the first frame or after `TELLS_S`, so that bad input prints only its error.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()

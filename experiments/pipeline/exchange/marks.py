@@ -23,10 +23,8 @@ from vision import PlaneCamera, fronto_parallel_camera
 class ImportSettings:
     """Settings of an import: which positions of a table are used, and their accuracy.
 
-    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
-    likelihood was set manually and is always used
-    sd_px: standard deviation of a position on each axis [px]; choice: replace it by the error that the tracker's own
-    evaluation reports
+    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut
+    sd_px: standard deviation of a position on each axis [px]; choice: better the error that the tracker reports
     """
 
     least: float = 0.6
@@ -46,8 +44,8 @@ def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera
 class Imported:
     """Marks of a table, by frame.
 
-    scene: scene with these marks; exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
-    unlikely, outside: numbers of positions omitted for a low likelihood, and for lying outside the picture
+    exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
+    unlikely: number of positions omitted because of a low likelihood; outside: number omitted outside the picture
     manual: number of marks without a likelihood, which were set manually
     """
 
@@ -146,7 +144,7 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
     """Positions on the plane [m], (n, 2), of the parts in `seen`, and the standard deviation of each [m], (n,).
 
-    Both axes have the same standard deviation: that of a circle with the area of the error ellipse.
+    The standard deviation is that of a circle with the area of the error ellipse.
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2

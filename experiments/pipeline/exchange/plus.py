@@ -38,7 +38,7 @@ def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
 
 
 def _fields(of: Exported) -> Iterator[dict[str, str]]:
-    """Fields of each frame."""
+    """The sequence file's fields for each frame."""
     recording, estimates, advice = of.recording, of.estimates, of.advice
     picture = None if recording.source is None else picture_to_plane(recording.scene)
     rows, advised = _by_frame(estimates), _by_frame(advice)
@@ -62,7 +62,7 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
 
 
 def _by_frame(rows: Results | None) -> dict[int, int]:
-    """Index of each frame's row, by the frame's index; frames without a row are omitted."""
+    """Map from a frame's index to the index of its row; frames without a row are omitted."""
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 
@@ -78,7 +78,7 @@ def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -
 
 
 def translation_mm(place_m: Floats) -> Floats:
-    """Matrix of the translation to a position [m], (dim,), for PLUS, (4, 4) in mm."""
+    """Homogeneous matrix, (4, 4), that translates the origin to a position [m], (dim,); its lengths are in mm."""
     shift = np.eye(4)
     shift[: len(place_m), 3] = 1e3 * place_m
     return shift
@@ -99,7 +99,7 @@ def picture_to_plane(scene: Scene) -> Floats:
 
 
 def picture_off_mm(scene: Scene) -> float:
-    """Largest error of `picture_to_plane` at a drawn mark [mm]; an oblique or distorted view is not affine."""
+    """Largest error of the affine map `picture_to_plane` at a mark's position in the scene [mm]."""
     camera, network = scene.cameras[0], scene.network
     places_m = np.array([network.positions[network.index(mark.node)] for mark in scene.marks])
     matrix = picture_to_plane(scene)

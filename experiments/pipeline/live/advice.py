@@ -30,16 +30,13 @@ UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker h
 
 
 class LiveAdvice:
-    """Advice on a needle for each frame, and while frames are missing; each row is written to advice.csv at once.
+    """Advice on a needle in a live run; each row is written to advice.csv at once.
 
-    The time of a row is the frame's exposure time or, without a frame, the present. The target's predicted path is a
-    mixture of the filter's path and the breathing model's path, weighted by their probabilities. The filter's path is
-    computed from tables.
+    The time of a row is the exposure time of its frame. If there is no new frame, it is the present time.
     unstated: covariance of the target from errors that the scene does not state [m²], (dim, dim); None means zero
     origin_s: clock time at which the source's own time is zero [s]; rows have the source's time
-    State: the table; the last estimate from a frame; the breathing model; the number of times that each advice was
-    given; the plan, whose needle moves if it is tracked; posed_s, the time of the needle's last pose [s], inf without a
-    tracker, -inf while the tracker does not see the needle; whether the needle has to stop.
+    counts: how often each advice was given; plan: the needle's plan, which follows a tracked needle
+    posed_s: clock time of the tracked needle's last pose [s]; inf without a tracker, -inf if the needle is not visible
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
@@ -63,7 +60,7 @@ class LiveAdvice:
         self._breath, self._last = BreathingPath(self._dim), None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """Set a tracked needle: tip [m], (dim,), and direction, (dim,), see `Insertion.tracked`. Raises ValueError."""
+        """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError if they are invalid."""
         dim = len(self._stated.entry)
         if np.shape(tip_m) != (dim,) or np.shape(direction) != (dim,):
             raise ValueError(f"needle: expected {dim} coordinates, found {len(tip_m)}, {len(direction)}")
@@ -74,8 +71,8 @@ class LiveAdvice:
     ) -> Guidance | None:
         """Write and return the advice at now_s [s]; None before the first estimate.
 
-        estimate: that of the newest frame, or None without a new frame; fault: reason to give no guidance, whatever the
-        estimate
+        estimate: the newest frame's estimate; None if there is no new frame
+        fault: reason to give no guidance even if the estimate is good
         """
         of_s = now_s if estimate is None else estimate.time_s
         if estimate is not None:

@@ -17,11 +17,10 @@ RECORDING = "recording"
 
 
 class Control:
-    """Handles requests of viewers to a live run, except those that the run's session handles itself.
+    """Handles requests of viewers to a live run.
 
     A request that fails raises ValueError or InputError with a message of one line.
-    out: folder of the run, in which each recording gets a folder; needle: the text of the needle's file
-    State: the recordings, the last of which may be in progress.
+    out: the run's folder, in which recordings get folders; needle: content of the needle's file
     """
 
     def __init__(self, session: Session, out: Path, *, source: str, needle: bytes | None = None) -> None:
@@ -58,14 +57,14 @@ class Control:
             self.recordings[-1].finish()
 
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
-        """Use a measurement of the target at this position in the picture [px], (2,)."""
+        """Use a measurement of the target with this position in the picture [px], (2,), and standard deviation [m]."""
         line = self.session.line
         if not line.scene.cameras:
             raise ValueError("fix: expected a camera, found none")
         self.session.fix(line.camera.to_plane(np.asarray(place_px)[None])[0], sd_m)
 
     def colour_at(self, node: str, place_px: Floats) -> None:
-        """Set the colour of this node's mark to that of the newest picture at this position [px], (2,)."""
+        """Set the colour of this node's mark to the colour of the newest picture at this position [px], (2,)."""
         if node not in (mark.node for mark in self.session.line.scene.marks):
             raise ValueError(f"hue: expected a node with a mark, found {node}")
         if self.session.picture is None:
@@ -73,7 +72,7 @@ class Control:
         self.session.colour(node, vision.learn_hue(self.session.picture.image, place_px))
 
     def finish(self) -> list[Path]:
-        """End the run's recordings, and join the pieces of each into one film; returns their folders."""
+        """End all recordings of the run and join the pieces of their films; returns the recordings' folders."""
         self._end()
         for one in self.recordings:
             if any(one.folder.glob("**/segments")):

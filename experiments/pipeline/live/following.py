@@ -1,4 +1,4 @@
-"""Live tracking of a target until the source ends: what `softaim live` does outside the session."""
+"""Live tracking of a target until the source ends: what `softaim live` does around its `Session`."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Attendant(Publisher, Protocol):
     """Protocol of a publisher that also shows frames before the first estimate, and handles viewers' requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, or report that there is no frame; n_shown: number of frames so far.
+        """Show a frame without an estimate; if `frame` is None, report that there is no frame.
 
-        time_s: time of the frame, or the present if there is none, in the source's time [s]
+        n_shown: number of frames so far; time_s: time of the frame or, if it is None, present time of the source [s]
         """
 
     def attend(self, control: Control) -> None:
@@ -65,9 +65,9 @@ def live(
 ) -> dict[str, Any]:
     """Track the target live until the source ends, `duration_s` is over or Ctrl-C; write scene.toml, estimates.csv.
 
-    Without a frame the target is predicted. Events of the source go to standard error. A needle file adds advice.csv.
+    If no frame comes, the target is predicted. If there is a needle file, advice.csv is written.
     sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder
-    begun: called, maybe repeatedly, after the first frame was used; film: creates the film of the run
+    begun: called after the first frame was used, possibly repeatedly; film: creates the film of the run
     attendant: creates the object that shows the run to viewers; record: whether to record from the first frame on
     phantom: process of the simulated phantom, if already started. Raises InputError.
     """
@@ -136,7 +136,7 @@ def _prepared(
     status: StatusLine,
     viewer: Attendant | None,
 ) -> Session:
-    """The session, prepared while frames of a camera are shown and counted as not used."""
+    """Prepare the session. Meanwhile a camera's frames are shown and counted as not used."""
 
     def show(frame: vision.Frame | vision.Exposure | None, n_shown: int) -> None:
         report_source_events(frames)
@@ -166,7 +166,7 @@ def _report(
 ) -> dict[str, Any]:
     """Result of a live run for `--json`: counts of frames, latencies [ms], counts of advice, and the error, if any.
 
-    deadlines_missed: number of frames dropped because a newer one had come, or that took over a frame interval
+    deadlines_missed: number of frames that newer frames replaced, or whose estimate took longer than a frame interval
     memory_mb: memory of the process after the first frames, and at the end [MB]; None if the system does not report it
     refused: counts of unusable input from a tracker, by kind; None for other sources
     """
@@ -219,9 +219,9 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they arrive, and predict while none arrives, until the source ends or duration_s [s] passed.
+    """Process frames as they arrive, and predict while none arrives.
 
-    attend: called in each cycle, between two frames
+    The loop ends when the source ends or duration_s [s] passed. attend: called in each cycle, between two frames
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:

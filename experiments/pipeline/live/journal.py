@@ -20,7 +20,7 @@ HEADER = ("what", "time_s", "now_s", "values")
 
 
 class Act(StrEnum):
-    """Kind of action of the loop."""
+    """Kinds of actions of the live loop."""
 
     BEGIN = "begin"
     """The journal begins; values: the source, and whether the run begins at this time."""
@@ -51,7 +51,7 @@ class Act(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One action of the loop; time_s: time to which it refers; now_s: clock time when done; values: for a replay."""
+    """One action of the loop; time_s: time to which it refers; now_s: clock time when done; values: other data."""
 
     act: Act
     time_s: float
@@ -65,7 +65,7 @@ class Done:
 
 
 def mark_values(marks: Sequence[MarkMeasurement]) -> tuple[Any, ...]:
-    """Marks as the values of a frame: node, position [m], covariance [m²] and shared errors [m] of each mark."""
+    """Values of a frame's marks for the journal: node, position [m], covariance [m²] and shared errors [m] of each."""
     return tuple(
         [m.node, m.position.tolist(), m.cov.tolist(), None if m.shared is None else m.shared.tolist()] for m in marks
     )

@@ -27,7 +27,7 @@ LAST_S = 0.5
 class LiveTable:
     """A CSV table that grows row by row; each row is written at once.
 
-    State: the file; the reason why it can no longer be written; further tables that get its rows.
+    fault: the reason why the table can no longer be written; also: other tables that get the same rows
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
@@ -37,7 +37,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file at the first call, which comes with the first row: a run without rows keeps an older file."""
+        """Create the file at the first call; until then an older file of this name stays."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -57,7 +57,7 @@ class LiveTable:
             other.write(row)
 
     def copied(self, path: Path) -> LiveTable:
-        """Another table that gets all rows from now on."""
+        """Another table, at `path`, that gets all later rows."""
         self.also.append(LiveTable(path, self._header))
         return self.also[-1]
 
@@ -80,10 +80,9 @@ class LiveTable:
 
 
 class StatusLine:
-    """A status line on standard output, rewritten in place on a terminal; otherwise a new line about once a second.
+    """Status line on standard output. A terminal shows it in place; other output gets a line about once a second.
 
     A thread writes the newest text, so that the loop never waits for a blocked or closed reader.
-    State: the waiting text.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -153,7 +152,7 @@ class Latencies:
         self._counts[min(int(place + 0.5), len(self._counts) - 1)] += 1
 
     def quantile_ms(self, share: float) -> float:
-        """Quantile of the latencies [ms], accurate to 1.2 %; 0 without any."""
+        """Quantile of the latencies [ms], accurate to 1.2 %; 0 if there are no latencies."""
         if not self._counts.any():
             return 0.0
         of = int(np.searchsorted(np.cumsum(self._counts), share * self._counts.sum()))

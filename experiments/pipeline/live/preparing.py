@@ -1,7 +1,7 @@
 """Preparation of a run: code is compiled or loaded while frames are shown but not yet used.
 
-Compilation holds Python's lock for seconds, which would freeze page and pictures. Therefore another process compiles
-into numba's disk cache, unless everything is cached already.
+Compilation holds Python's global lock for seconds, which would freeze the page. Therefore another process compiles into
+numba's disk cache, unless everything is cached already.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 
 class NotCompiledError(Exception):
-    """Error for a kernel that is not compiled for these arguments, in this process or in the disk cache."""
+    """Error for a kernel that is compiled neither in this process nor in the disk cache for its types of arguments."""
 
 
 class _Refusal(Listener):
@@ -48,7 +48,7 @@ class _Refusal(Listener):
         self._thread = threading.get_ident()
 
     def on_start(self, event: object) -> None:
-        """Called before compilation."""
+        """Raise NotCompiledError if the thread that created this listener is about to compile."""
         if threading.get_ident() == self._thread:
             raise NotCompiledError(str(event))
 
@@ -61,7 +61,8 @@ def prepared(
 ) -> tuple[Made, int]:
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
-    make: function that may be interrupted and called again; rehearse: picklable function that calls the same kernels
+    make: function that may be interrupted and called again
+    rehearse: picklable function that calls the same kernels as `make`; another process runs it to compile them
     frames: frames of a camera; None if they must not be read yet, for example because this would start a film
     show: called with each frame and the number of frames so far; called with None if no frame came for LOOK_S
     Raises exceptions of make, show or the source.
@@ -125,7 +126,7 @@ def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, 
 
 
 def _rehearse(rehearse: Callable[[], object]) -> None:
-    """Rehearse in a helper process, which ends if its parent ends."""
+    """Call `rehearse` in a helper process, which ends if its parent ends."""
     begin_helper()
     if sys.platform != "win32":
         os.nice(NICENESS)

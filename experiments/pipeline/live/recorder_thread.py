@@ -22,7 +22,6 @@ class RecorderThread(Generic[Item]):
     folder, codec: arguments of the `Recorder`; frame: function that makes an item's frame, called in the thread
     n_waiting: largest number of waiting items
     faults: kinds of errors that end the recording; failed: function that the thread then calls with the error
-    State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it should end.
     """
 
     def __init__(

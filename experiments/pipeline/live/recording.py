@@ -28,9 +28,8 @@ WAITING = 64
 class LiveRecording:
     """A recording of a live run, in a new folder.
 
-    begun: whether it begins with the run, so that a replay gives bit-identical estimates
+    begun: whether the recording begins with the run; if it does, a replay gives bit-identical estimates
     If a thread is too slow or the disk is full, the recording ends with a message, and the run continues.
-    State: the tables; the thread of each camera; number of frames; the error that ended it.
     """
 
     def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
@@ -73,7 +72,7 @@ class LiveRecording:
     def frame(
         self, frame: vision.Frame | vision.Exposure | MarksFrame, exposure_s: float, now_s: float, *, fits: bool
     ) -> None:
-        """Write a frame with this exposure time [s]; fits: whether it can be used."""
+        """Write a frame with this exposure time at the clock time now_s [s]; fits: whether the frame can be used."""
         if not self.going:
             return
         if not fits:

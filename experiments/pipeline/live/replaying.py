@@ -23,10 +23,10 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: by table, number of compared rows; different: number of the first different row, for tables that have one
-    begun: whether the recording began with its run; if not, estimates differ until both filters have converged
+    rows: number of compared rows of each table; different: number of the first row that differs, for tables with one
+    begun: whether the recording began with its run; if not, estimates differ until the filter has converged
     frames: number of replayed frames
-    lacking: number of frames in the journal without a picture, because the recording run was killed
+    lacking: number of frames in the journal that have no picture, because the recorded run was killed
     """
 
     frames: int
@@ -123,9 +123,9 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of rows that both tables have, and the first different one, counted from 1; None if all are equal.
+    """Number of compared rows of two tables, and number of the first row that differs, from 1; None if all are equal.
 
-    If the run was killed, an incomplete last row is ignored.
+    If the recorded run was killed, an incomplete last row is ignored.
     """
     mine, theirs = (_rows(path) for path in (replayed, recorded))
     n = min(len(mine), len(theirs))

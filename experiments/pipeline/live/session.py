@@ -46,10 +46,10 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
-    """Settings of a live run: times to wait for frames.
+    """Waiting times of a live run.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: delay of the filter, in addition to two frame intervals, so that it can use late frames [s]; choice
+    behind_s: while no frame comes, the filter stays behind the present by this time and two frame intervals [s]; choice
     """
 
     wait_s: float = 0.1
@@ -70,12 +70,11 @@ settled_frames: number of frames over which the median interval is computed."""
 class Session:
     """One live run: processing of its frames, output, and actions.
 
-    needle: plan for advice, None without advice; advice.csv is written beside the estimates
+    needle: the needle's plan; with a plan, advice.csv is written beside the estimates
     watch: called with each frame, its step and the advice
     publisher: called with the state after each frame, and after each prediction without a frame
-    rehearse: whether to compile all code before the first frame; not needed with a scripted clock
-    State: the line; the table of estimates; the counters, and counts of statuses; the advice; the newest picture; the
-    journals, which record all actions for a replay; whether the filter could use the last frame; the integrity monitor.
+    rehearse: whether to compile all code before the first frame
+    journals: the recordings in progress, which record all actions for a replay
     """
 
     def __init__(
@@ -196,7 +195,7 @@ class Session:
 
     @property
     def _fault(self) -> str | None:
-        """Reason to give no advice even if the newest estimate is good; None without such a reason."""
+        """Reason to give no advice even if the newest estimate is good; None if there is no reason."""
         return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
@@ -254,7 +253,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Set the clock time origin_s [s] at which the source's own time, such as a film's, is zero."""
+        """Set the clock time origin_s [s] at which the time of the source, such as a film, is zero."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -262,14 +261,14 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate with the source's time, and with unstated errors added to its covariance."""
+        """The estimate in the source's time; its covariance also includes the errors that the scene does not state."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
     def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> float:
-        """Write an action to the journals and return the present [s]; time_s: its time, by default the present."""
+        """Write an action to the journals and return the clock time [s]; time_s: the action's time, by default now."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
@@ -286,7 +285,7 @@ class Session:
             self._note(Act.DATED, [late_s, uneven])
 
     def reset(self) -> None:
-        """Reset the state: the next frame initialises it again."""
+        """Restart the filter: the next frame initialises it."""
         self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
         self._restart()
         self.integrity.looked()
@@ -294,8 +293,8 @@ class Session:
     def fix(self, place_m: Floats, sd_m: float) -> None:
         """Use a direct measurement of the target at the time of the newest estimate: position [m], (dim,), sd [m].
 
-        If the scene states no common error of direct measurements, the covariance includes the default one. Raises
-        ValueError without an estimate, and for another dimension.
+        If the scene states no error common to all such measurements, the variance includes a default one. Raises
+        ValueError before the first estimate, and for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:
@@ -312,13 +311,13 @@ class Session:
         self.line.colour(tuple(m.coloured(hue) if m.node == node else m for m in self.line.scene.marks))
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError without a needle."""
+        """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError if the run has no needle."""
         advice = self._needle()
         advice.needle_at(tip_m, direction)
         advice.posed_s = self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
-        """Record that the tracked needle is no longer visible. Raises ValueError without a needle."""
+        """Record that the tracked needle is no longer visible. Raises ValueError if the run has no needle."""
         self._needle().posed_s = -np.inf
         self._note(Act.NEEDLE)
 
@@ -345,5 +344,5 @@ class Session:
 
     @property
     def interval_s(self) -> float | None:
-        """Usual interval between frames [s], None before two frames."""
+        """Median interval between the last frames [s]; None before the second frame."""
         return median(self._intervals_s) if self._intervals_s else None

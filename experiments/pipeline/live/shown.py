@@ -1,4 +1,4 @@
-"""State of a live run at one moment, for viewers: the estimate, the advice, and the loop's performance."""
+"""State of a live run for viewers: the estimate, the advice, and the loop's performance."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Counters:
 
     frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
     dropped: number of frames that newer frames replaced before their use
-    late: number of frames whose estimate took longer than the usual frame interval
+    late: number of frames whose estimate took longer than the median frame interval
     latencies: latencies from exposure to estimate; latency_ms: latency of the newest frame [ms]
     stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise
     began_mb: memory of the process after the first frames [MB]
@@ -77,14 +77,14 @@ class Counters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """State of a live run at one moment.
+    """State of a live run after a frame or a prediction.
 
-    estimate: estimate in the source's own time; at_s: its time on the clock [s]
+    estimate: estimate in the source's own time; at_s: clock time of the estimate [s]
     frame, step: None if the target was predicted without a frame; frame is also None for another tracker's marks
-    guidance, plan: the advice, and the needle's position; None without a needle
-    fault: why there is no guidance for any needle
-    interval_s: usual interval between frames [s]
-    errors: the largest sources of the target's variance
+    guidance, plan: the advice, and the needle's plan; None if the run has no needle
+    fault: the reason why no needle can have guidance; None if there is no reason
+    interval_s: median interval between frames [s]
+    errors: text with the largest sources of the target's variance
     """
 
     estimate: TargetEstimate
@@ -100,7 +100,7 @@ class Shown:
 
 
 class Publisher(Protocol):
-    """Protocol of a publisher of the state to viewers; the loop does not wait for it."""
+    """Protocol of an object that shows the run's state to viewers without delaying the loop."""
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Publish the present state; line: the pipeline in this state."""
@@ -111,7 +111,7 @@ def status_text(
 ) -> str:
     """Text of the status line: time, target, sigma, status, frames per second, latency.
 
-    With advice: time, status, latency, sigma, and the advice.
+    If there is advice, the line has time, status, latency, sigma and the advice.
     """
     place = ", ".join(f"{1e3 * x:7.2f}" for x in estimate.mean)
     sigma = np.nan if estimate.cov is None else 1e3 * np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])

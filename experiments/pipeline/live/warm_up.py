@@ -1,7 +1,6 @@
-"""Rehearsal before the first frame, which compiles or loads all code that frames of a scene may need.
+"""Rehearsal before the first frame: it compiles or loads all code that frames of a scene may need.
 
-Kernels are compiled for the types of their arguments. So the rehearsal runs the pipeline itself on marks and pictures
-of tissue that is visible, half hidden, or lost.
+Kernels are compiled for the types of their arguments. Therefore the rehearsal runs the pipeline on synthetic input.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ INTERVAL_S = 1.0 / 30.0
 
 
 def warm_up(scene: Scene) -> None:
-    """Rehearse frames of a scene, so that their code is compiled; the estimates are discarded."""
+    """Process synthetic frames of a scene, so that all code is compiled; the estimates are discarded."""
     rest = scene.network.positions[[scene.network.index(mark.node) for mark in scene.marks]]
     _rehearse_marks(scene, rest)
     if scene.cameras:
@@ -39,7 +38,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Rehearse frames with marks at these positions [m], (n_marks, dim); with an outlier; without marks; with a fix."""
+    """Process frames with marks at these positions [m], (n_marks, dim), with an outlier, and without marks."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
@@ -50,7 +49,7 @@ def _rehearse_marks(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_pictures(scene: Scene, places: Floats) -> None:
-    """Rehearse pictures of all marks, of their left halves, and of no mark."""
+    """Process synthetic pictures of all marks, of their left halves, and of no mark."""
     camera, rng = scene.cameras[0], np.random.default_rng(0)
     centers_px = camera.project(places)
     shapes_px = [mark.shape_px(camera, x) for x, mark in zip(places, scene.marks, strict=True)]
@@ -72,7 +71,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_exposures(scene: Scene) -> None:
-    """Rehearse pictures of all cameras in space, of one camera, and without marks."""
+    """Process synthetic pictures of all cameras in space, of a single camera, and without marks."""
     rng, light = np.random.default_rng(0), vision.Lighting()
     x, hidden = scene.network.positions, [mark.node for mark in scene.marks]
     whole = {c.name: draw_in_space(scene, c, x, light, rng) for c in scene.space_cameras}
@@ -84,7 +83,7 @@ def _rehearse_exposures(scene: Scene) -> None:
 
 
 def _rehearse_search() -> None:
-    """Rehearse the search for a mark that is not found by its colour alone."""
+    """Search for a mark by its outline and learnt appearance, as if its colour alone did not suffice."""
     disc = vision.Disc(np.array([60.0, 60.0]), (8.0, 8.0), 0.0)
     image = vision.draw_frame((120, 120), [disc], vision.Lighting(), np.random.default_rng(0))
     outline = vision.Outline(8.0 * np.eye(2), 0.05)
@@ -97,6 +96,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Rehearse a frame; the scene's filter may refuse it, as in a run."""
+    """Process a frame; as in a run, the scene's filter may refuse it."""
     with suppress(CovarianceError):
         frame()

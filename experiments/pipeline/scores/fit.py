@@ -1,7 +1,7 @@
-"""Consistency of predicted marks: innovations are compared with the band of a consistent filter; verdict in words.
+"""Test of the filter's consistency by its innovations, with a verdict in words.
 
-Innovations test the filter only at the marks. The estimate of a hidden target is tested by a known truth, by direct
-measurements, or by withheld marks, which are predicted as if they were hidden.
+Innovations test the filter only at the marks. A hidden target needs another test: a known truth, direct measurements,
+or the prediction of each mark by a filter that does not use this mark.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested; those after a start are not tested, as the prior is then wide."""
+"""Statuses of frames whose innovations are tested. The first frames are not tested, because the prior is wide."""
 
 COVERED = (0.9, 0.995)
 """Least and largest share of frames inside the 95 % region if the covariance is neither too small nor too large [1];
 choice."""
 
 ONE_ERROR = 0.999
-"""Probability of a region [1]: if the error common to all frames lies outside, the covariance is too small; choice."""
+"""If an error common to all frames lies outside the region of this probability [1], the covariance is too small;
+choice."""
 
 MOST_NEES = 2.0
 """Largest ratio of mean NEES to the dimension; above it the errors of some frames are too large [1]; choice."""
@@ -47,8 +48,8 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    degrees: mean degrees of freedom of a frame, one per measured coordinate
-    low, high: the band; noise: mean estimated factor on the stated standard deviation of marks [1]
+    degrees: mean degrees of freedom of a frame's NIS, which are the number of measured coordinates
+    low, high: limits of the band; noise: mean of the estimated factor on the stated standard deviation of marks [1]
     """
 
     mean_nis: float
@@ -69,7 +70,7 @@ class Fit:
 
 
 def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
-    """The fit of a method's estimates; None without finite NIS."""
+    """The fit of a method's estimates; None if no estimate has a finite NIS."""
     judged = [e for e in estimates if e.nis is not None and e.degrees > 0 and e.status in SETTLED]
     nis = np.array([e.nis for e in judged], dtype=float)
     degrees = np.array([e.degrees for e in judged], dtype=float)
@@ -95,7 +96,7 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class TruthScore:
-    """Scores of the target's covariance by the known truth.
+    """Comparison of the target's covariance with its errors from a known truth.
 
     coverage95: share of frames in which the truth lies inside the 95 % region [1]; dim: dimension of the tissue
     one_error: whether most of the variance comes from an error that is constant in time; all frames are then one sample
@@ -108,7 +109,7 @@ class TruthScore:
 
     @property
     def result(self) -> str:
-        """The scores' verdict on the covariance."""
+        """Verdict on the covariance, in words."""
         if self.one_error and self.mean_nees <= chi_square_bounds(self.dim, ONE_ERROR)[1]:
             return "cannot be tested by one recording: it is mostly the error of the target's position in the tissue"
         if self.coverage95 < COVERED[0]:
@@ -121,7 +122,7 @@ class TruthScore:
 
     @property
     def is_wide_enough(self) -> bool:
-        """Whether, by the truth, the covariance is large enough; otherwise lower noise levels must not be advised."""
+        """Whether the covariance is large enough for the true errors."""
         return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
@@ -143,10 +144,11 @@ def verdict(
     checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
-    """Text with the verdict from innovations, its limits, and the number of frames by status.
+    """Text with the result of the test by innovations, what it does not test, and the number of frames by status.
 
-    refused: marks that the gate rejected; frozen: frames with repeated values; pictures: whether marks were found in
-    pictures; checked: whether marks were predicted as if hidden; truth: scores of the target, if its truth is known
+    refused: number of marks that the gate rejected; frozen: number of frames that repeat earlier values
+    pictures: whether marks were found in pictures; truth: scores of the target, if its truth is known
+    checked: whether each mark was also predicted by a filter that does not use it
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -187,7 +189,7 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by a filter that does not use this mark.
 
-    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance from the prediction;
+    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance from the prediction
     mean_nees: ideally equal to the dimension; ratio: observed to predicted rms error, ideally 1
     """
 
@@ -206,7 +208,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """What the errors of withheld marks show about the target, in words; scale: mean factor on its covariance."""
+    """Text on what the errors of withheld marks show about the target; scale: mean factor on its covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

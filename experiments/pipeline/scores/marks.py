@@ -1,4 +1,4 @@
-"""Statistics of each mark in a run: how often it was found, refused or lost, and the probable cause."""
+"""Statistics of each mark in a run: how often it was found, rejected by the gate or not found, and why."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ LOOK_AT: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class MarkShares:
-    """Shares of frames in which a mark was found and used, found and refused by the gate, and not found.
+    """Shares of frames in which a mark was found and used, found but rejected by the gate, and not found.
 
-    reason: the most frequent reason why the mark was not used, and that reason's share of frames
+    reason: the most frequent reason why the mark was not used; reason_share: share of frames with this reason
     """
 
     measured: bool
@@ -55,7 +55,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counts how often, and why, each mark was not used. State: number of frames, and counts of (node, reason)."""
+    """Counts how often, and why, each mark was not used."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -75,9 +75,9 @@ class MarkTally:
                 self._counts[mark.node, NO_ROW if why is None else why.reason] += 1
 
     def shares(self) -> dict[str, MarkShares]:
-        """The shares by node; empty without frames.
+        """The shares by node; empty if there were no frames.
 
-        A mark for scoring only that was never found is omitted: it is hidden, not lost.
+        If the filter does not use a mark and the mark was never found, it is omitted, because it may be hidden.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -93,7 +93,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """A line on the mark that was most often not used, why, and what to check; None if all were used in most frames."""
+    """Line on the mark that was least often used: why, and what to check; None if all were used in most frames."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:

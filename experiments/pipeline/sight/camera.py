@@ -29,8 +29,8 @@ LEAST_COSINE = 0.3
 choice: 73 degrees. The detector rejects shapes whose width is below a quarter of their length."""
 
 PATIENCE, AGAIN = 3, 6
-"""Number of frames after which a mark that a camera does not find counts as hidden, and interval in frames between
-searches for hidden marks [1]; choice: each search covers the whole picture and is slow."""
+"""If a camera does not find a mark in PATIENCE frames, it searches the mark only in every AGAIN-th frame [1]; choice:
+each search for a hidden mark covers the whole picture and is slow."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
 """Search stages of the finders. The slowest, a search in other light, is omitted: other cameras may see the mark."""
@@ -40,8 +40,7 @@ class CameraSight:
     """Finder of marks in the pictures of one camera.
 
     normals: outward unit normals of the marks, (n, 3); steps: errors of lens and pose, as in `vision.Seen`
-    State: the camera with its present pose, and the errors of lens and pose; the finder; for each mark, the number of
-    consecutive frames in which it was not found, and the reason; the number of frames.
+    lost: by node, the reason why its mark was not found
     """
 
     def __init__(
@@ -81,7 +80,10 @@ class CameraSight:
         return found
 
     def expected(self, means: Floats, covs: Floats) -> tuple[list[vision.Expected], dict[str, LostMark]]:
-        """The marks that the camera may see now, and why it cannot see the others; means: positions [m], (n, 3)."""
+        """Expected images of the marks that the camera may see, and the reasons why it cannot see the remaining marks.
+
+        means, covs: expected positions [m], (n, 3), and covariances [m²], (n, 3, 3)
+        """
         inside, places, J = self.camera.viewed(means)
         visible = inside & facing(self.camera, means, self._normals, LEAST_COSINE)
         away = {
@@ -93,7 +95,7 @@ class CameraSight:
         return self._looked_for(rows, means[rows], covs[rows], places[rows], J[rows]), away
 
     def one(self, node: str, mean: Floats, cov: Floats) -> vision.Expected:
-        """A mark expected at this position [m], (3,), with this covariance [m²], (3, 3)."""
+        """Expected image of a mark at this position [m], (3,), with this covariance [m²], (3, 3)."""
         rows, means = np.array([self._numbers[node]]), mean[None]
         return self._looked_for(rows, means, cov[None], *self.camera.seen(means))[0]
 
@@ -117,11 +119,7 @@ class CameraSight:
 
 
 class CameraPose:
-    """Estimator of the pose of a camera in space from its reference marks.
-
-    State: the pose filter, which measures positions in the picture, in metres at the distance of the marks; the finder
-    of the reference marks, which holds the camera with its estimated pose.
-    """
+    """Estimator of the pose of a camera in space from its reference marks."""
 
     def __init__(self, scene: Scene, number: int) -> None:
         self._calibrated, self._calibration = scene.space_cameras[number], scene.calibration_steps[number]
@@ -169,7 +167,7 @@ class CameraPose:
         return self.sight.one(name, self._places[name], self._place_cov)
 
     def _scaled(self, points_m: Floats) -> tuple[Floats, Floats]:
-        """Projection of points [m], (n, 3), by the calibrated camera, scaled to metres, and its derivative."""
+        """Projection of points [m], (n, 3), by the calibrated camera, converted to metres, and its derivative."""
         _, places_px, J = self._calibrated.viewed(points_m)
         return self._m_per_px * places_px, self._m_per_px * J
 

@@ -22,7 +22,7 @@ SIZE_SD = 0.05
 
 
 def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vision.Expected:
-    """Expected position of a mark in the picture, from its mean on the plane [m], (2,), and covariance [m²], (2, 2)."""
+    """Expected image of a mark whose position on the plane [m], (2,), has the covariance [m²], (2, 2)."""
     center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
     outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
     return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg, outline)
@@ -49,8 +49,8 @@ def on_plane(
 class ReferenceSeen:
     """Result of a frame for the reference marks.
 
-    seen: names of the visible reference marks; wrong: names of those that contradict the others
-    moves: detected moves, by name of the camera in space or, for a flat scene, by ""; empty in almost all frames
+    seen: names of the visible reference marks; wrong: names of reference marks that contradict the others
+    moves: detected moves of cameras by the camera's name, which is "" in a flat scene; empty in almost all frames
     """
 
     seen: tuple[str, ...]
@@ -59,7 +59,7 @@ class ReferenceSeen:
 
     @classmethod
     def of(cls, cameras: Sequence[ReferenceSeen]) -> ReferenceSeen:
-        """The results of several cameras together."""
+        """Combine the results of several cameras."""
         seen = dict.fromkeys(name for one in cameras for name in one.seen)
         wrong = frozenset(name for one in cameras for name in one.wrong)
         return cls(tuple(seen), wrong, {name: move for one in cameras for name, move in one.moves.items()})
@@ -72,10 +72,7 @@ def pose_settings(stated: Reference) -> PoseSettings:
 
 
 class ReferenceMarks:
-    """Estimator of the pose of a scene's camera or tracker from its reference marks.
-
-    State: the filter of the pose and its estimate; the finder of the marks in pictures.
-    """
+    """Estimator of the pose of a scene's camera or tracker from its reference marks."""
 
     def __init__(self, scene: Scene) -> None:
         stated = scene.reference
@@ -98,7 +95,7 @@ class ReferenceMarks:
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, measured with the calibrated, uncorrected camera."""
+        """The reference marks in a frame, (height, width, 3) BGR, measured with the camera's pose as calibrated."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
@@ -122,7 +119,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """Shift of a corrected mark at `place` [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
+        """Shifts of a corrected mark at `place` [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

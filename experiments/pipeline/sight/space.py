@@ -18,8 +18,8 @@ from experiments.pipeline.sight.plane import ReferenceSeen
 from vision import LostMark, Reason
 
 MISFIT = 1e-4
-"""The p-value of the distance between the rays to a mark below which two cameras see different objects [1]; choice: the
-finder's gate in one picture."""
+"""If the distance between the rays of two cameras to a mark has a lower p-value, they see different objects [1];
+choice: the finder's gate in one picture."""
 
 
 class SpaceSight:
@@ -28,9 +28,7 @@ class SpaceSight:
     A mark that several cameras see at one time is triangulated. If only one camera sees it, its position is on the
     camera's ray; its depth is unknown, so the standard deviation along the ray is the body's size.
     poses: estimators of the cameras' poses by name; default: new ones, if the scene has reference marks
-    State: the finder of each camera and its pose; for the last exposure, expected positions of marks [m] and
-    covariances [m²], reasons for lost marks, new distractors, the marks that a single camera saw, and the result for
-    the reference marks.
+    single: nodes of the marks that only one camera saw in the newest pictures
     """
 
     def __init__(self, scene: Scene, *, explain: bool = False, poses: Mapping[str, CameraPose] | None = None) -> None:
@@ -58,10 +56,11 @@ class SpaceSight:
         predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
         after_impulse: Callable[[str], tuple[Floats, Floats]],
     ) -> tuple[MarkMeasurement, ...]:
-        """The marks in pictures taken at one time, each of the size that its camera states.
+        """The marks in pictures taken at one time. Each picture must have the size that its camera states.
 
-        predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
-        after_impulse: the same for one node, if an impulse has acted on it since its mark was last found
+        predict: function from nodes to predicted positions [m], (n, 3), and covariances [m²], (n, 3, 3), of their marks
+        after_impulse: function from a node to the predicted position and covariance of its mark, if an impulse has
+        acted on the node since the mark was last found
         """
         means, covs = predict(list(self._numbers))
         self.expected = dict(zip(self._numbers, zip(means, covs, strict=True), strict=True))
@@ -121,7 +120,7 @@ class SpaceSight:
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
     """Function from positions of marks [m], (n, 3), to their shifts by one sd of each calibration error [m], (n, 3, k).
 
-    A shift is that of the triangulated position; it is zero for a position that no camera sees.
+    The shifts are those of triangulated positions. If no camera sees a position, its shift is zero.
     """
     steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
 

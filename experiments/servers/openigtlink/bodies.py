@@ -76,7 +76,7 @@ class PointBody:
 
 
 def read_points(content: bytes) -> list[PointBody]:
-    """The points of a POINT, whose numbers are not checked; MalformedError for an invalid message."""
+    """The points of a POINT message; their numbers are not checked. MalformedError for an invalid message."""
     if len(content) % POINT.size:
         raise MalformedError(f"POINT: expected a multiple of {POINT.size} bytes, found {len(content)}")
     points = []

@@ -164,7 +164,7 @@ _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
 def crc64(body: bytes) -> int:
     """The checksum of a body: CRC-64 of ECMA-182, most significant bit first, initially 0, without final XOR.
 
-    Blocks are padded with leading zeros, which do not change it.
+    Blocks are padded with leading zeros, which do not change the checksum.
     """
     blocks = np.frombuffer(bytes(-len(body) % BLOCK) + body, dtype=np.uint8).reshape(-1, BLOCK)
     crc = 0

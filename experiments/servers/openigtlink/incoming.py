@@ -1,4 +1,4 @@
-"""Conversion of a client's messages into commands: TRANSFORM is a tracked needle, POINT has fixes of the target."""
+"""Conversion of a client's messages into commands: TRANSFORM is a tracked needle, POINT has positions of the target."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 RIGID = 1e-2
 """Largest deviation of the axes' scalar products from those of a rotation; choice: tracked poses deviate less."""
 IN_PLANE = 0.5
-"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: at most 60 degrees."""
+"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: 60 degrees to the
+plane."""
 MOST_POINTS = 100
-"""Largest number of fixes in a message, which may be a growing list; choice: more would delay other clients."""
+"""Largest number of points in a message; choice: more would delay other clients."""
 
 Command = dict[str, Any]
 
@@ -34,9 +35,9 @@ class RefusedError(ValueError):
 class Incoming:
     """Converter of one client's messages into checked commands.
 
-    dim: dimension of the tissue; in the plane z is dropped
-    State: whether the client sends the needle; the points of its last POINT message. Programs that add a point send all
-    points again; only points that are not in the last message become fixes.
+    dim: dimension of the tissue; in the plane z is dropped; sends_needle: whether the client has sent a needle
+    Some programs send all points again when the user adds one. Therefore a point becomes a direct measurement of the
+    target (fix) only if it was not in the client's last POINT message.
     """
 
     def __init__(self, dim: int) -> None:
@@ -44,7 +45,7 @@ class Incoming:
         self._points: frozenset[PointBody] = frozenset()
 
     def commands(self, message: Message) -> list[Command]:
-        """The commands in a message; none for an unknown request.
+        """The commands in a message; an empty list if the message's type and name are not known.
 
         Raises MalformedError if the message's content does not fit its type, RefusedError for invalid numbers.
         """

@@ -1,4 +1,7 @@
-"""Messages of a moment: transforms of target, 95 % ellipsoid and needle; STATUS and STRING. See docs/openigtlink.md."""
+"""Messages for a state of the run: transforms of target, 95 % ellipsoid and needle; STATUS and STRING.
+
+For users: docs/openigtlink.md.
+"""
 
 from __future__ import annotations
 
@@ -62,14 +65,14 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of one moment as bytes; the needle's is separate, because a client that sends the needle gets none."""
+    """Messages for a state of the run as bytes; needle: the needle's transform, not sent to a client that sends one."""
 
     common: bytes
     needle: bytes = b""
 
 
 def packet_of(state: Mapping[str, Any]) -> Packet:
-    """Messages of a state."""
+    """Messages for a state of the run."""
     utc_s, fit = state["utc_s"], transform_status(state)
 
     def transform(device: str, matrix: Floats | None) -> bytes:
@@ -121,7 +124,10 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of the STRING: status, covariance, hit probability and advice. GO is omitted if INVALID or lost."""
+    """Content of the STRING: status, covariance, hit probability and advice.
+
+    If the transforms are not valid, the advice GO is omitted.
+    """
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -141,9 +147,9 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) from the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
+    """Right-handed matrix (4, 4) that maps the unit sphere to the 95 % ellipsoid; None if there is no covariance.
 
-    For flat tissue it is the 95 % ellipse for 2 degrees of freedom, extended by FLAT_MM on either side of the plane.
+    For flat tissue the ellipsoid has the 95 % ellipse as its section with the plane, and the half thickness FLAT_MM.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -160,7 +166,7 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) of a frame with origin in the needle's tip and +z along the insertion; None without a needle.
+    """Matrix (4, 4) of a frame with origin in the needle's tip and +z along the insertion; None if there is no needle.
 
     The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; it is chosen as
     in [duff2017], section 3.

@@ -1,4 +1,4 @@
-"""OpenIGTLink server: sends each client only the newest moment, and passes messages of clients to the loop as commands.
+"""OpenIGTLink server: sends the newest state of the run to each client, and passes the clients' messages to the loop.
 
 A client that leaves, is stuck, or sends an invalid message is dropped without effect on other clients. For users:
 docs/openigtlink.md.
@@ -39,8 +39,8 @@ class LinkSettings:
     clients: largest number of clients at a time; a further client gets BUSY and is dropped; a requirement
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time after which a client that receives nothing is dropped [s]; choice
-    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: room for ten moments, so that a
-    slow client does not read old data. Linux and macOS accept no new packet while the last packet waits in the buffer
+    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: it has room for ten states of
+    the run, so that a slow client does not read old states
     """
 
     clients: int = 16
@@ -60,7 +60,7 @@ async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SET
 
 
 class _Server:
-    """State: clients' tasks; number of dropped clients; newest packet and its number; event set at the next packet."""
+    """Makes a packet of each state of the run and sends it to each client."""
 
     def __init__(self, feed: Feed, settings: LinkSettings) -> None:
         self._feed, self._settings, self._sphere = feed, settings, sphere_message()
@@ -80,7 +80,7 @@ class _Server:
             await asyncio.gather(*self._clients, return_exceptions=True)
 
     async def _follow(self) -> None:
-        """Make a packet of each moment from now on, or one for stale data if no moment comes in time."""
+        """Make a packet of each state from now on; if no state comes in time, make a packet that reports stale data."""
         number = 0 if self._feed.newest is None else self._feed.newest.number
         stale_s = 1e-3 * self._feed.scene["stale_ms"]
         while True:
@@ -161,7 +161,7 @@ class _Server:
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """Log why a client was dropped, for the 1st, 2nd, 4th ... dropped client; not if the client left."""
+        """If a client was dropped and did not leave by itself, log why; only the 1st, 2nd, 4th, 8th ... are logged."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1
@@ -181,7 +181,7 @@ def _refusal(code: Code, text: str) -> bytes:
 
 
 def _answer(writer: asyncio.StreamWriter, code: Code, text: str) -> None:
-    """Send the reason why a request failed, unless the client is still receiving earlier data."""
+    """Send the reason why a request failed; if the client is still receiving earlier data, send nothing."""
     if writer.transport.get_write_buffer_size() == 0:
         writer.write(_refusal(code, text))
 

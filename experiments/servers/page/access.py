@@ -31,7 +31,7 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request has exactly one known Host, and either no Origin or that of our page."""
+        """Whether a request has exactly one known Host, and either no Origin or the Origin of this page."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False

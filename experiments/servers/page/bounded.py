@@ -33,7 +33,7 @@ END_OF_HEAD = re.compile(rb"\n\r?\n")
 
 
 class BoundedHttp(H11Protocol):
-    """HTTP protocol with limits: MOST_CONNECTIONS connections, REQUESTS_S for each, MOST_HEAD bytes of a head."""
+    """HTTP protocol that limits the number of connections, the duration of each, and the size of a request's head."""
 
     _end: asyncio.TimerHandle | None = None
 

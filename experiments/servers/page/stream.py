@@ -32,7 +32,7 @@ LONGEST_ERROR = 200
 
 
 class Stream:
-    """WebSocket endpoint of a feed's clients. State: their number; `Feed.n_watching` counts clients with pictures."""
+    """WebSocket endpoint for the clients of a feed."""
 
     def __init__(self, feed: Feed, access: Access) -> None:
         self._feed, self._access = feed, access
@@ -63,7 +63,7 @@ class Viewer:
     """Connection of one client.
 
     pictures: whether the client requests pictures (`?pictures=1`)
-    State: whether the client is ready for the next state; with `?pace=1` the client itself reports that it is ready.
+    With `?pace=1` the client itself reports when it is ready for the next state.
     """
 
     def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:

@@ -21,8 +21,6 @@ class UdpFeed:
 
     host: local address to listen on; by default the loopback, so that only programs on this machine can send
     After one host has sent, other hosts are refused until the first host has been silent for SETTINGS.hung_s.
-
-    State: the socket; the last sender, and its time [s].
     """
 
     def __init__(self, port: int, host: str = LOOPBACK) -> None:
@@ -87,8 +85,8 @@ def udp_feed(address: str) -> UdpFeed:
 class PipeFeed:
     """Feed of lines from a pipe or terminal; descriptor: its file descriptor, such as 0 for standard input.
 
-    Reads bypass Python's buffers: a blocked thread would hold their lock when the program ends.
-    State: the bytes of an incomplete line, and whether the rest of a line that is too long is skipped.
+    The descriptor is read directly: a blocked read through Python's buffers would hold their lock when the program
+    ends.
     """
 
     def __init__(self, descriptor: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Line format: reads and checks a line of JSON with one frame of another tracker's marks."""
+"""Reads and checks a line of JSON with one frame of another tracker's marks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
 
 
 class SentMark(Strict):
-    """A mark in a line; either sd_mm or cov_mm2 is stated, and z_mm in space."""
+    """A mark in a line: it states either sd_mm or cov_mm2; in space it also states z_mm."""
 
     node: str
     x_mm: Coordinate
@@ -36,7 +36,7 @@ class SentMark(Strict):
 
 
 class SentLine(Strict):
-    """The table in a line."""
+    """The JSON object in a line."""
 
     time_s: float
     marks: list[SentMark]

@@ -1,4 +1,4 @@
-"""Live marks from another tracker, read in a thread; only the newest frame waits."""
+"""Live marks from another tracker, read in a thread; a newer frame replaces the frame that waits."""
 
 from __future__ import annotations
 
@@ -63,12 +63,9 @@ class LiveMarks(Closing):
 
     Invalid lines and frames with times out of order are refused. Refused input is counted by kind and reported as
     events: the first at once, then at most one event in SETTINGS.hung_s. If no usable frame comes for
-    SETTINGS.blocked_s, the event is BLOCKED. Frames that repeat earlier values are omitted until the event FROZEN; then
-    they are delivered without marks.
-
+    SETTINGS.blocked_s, there is an event BLOCKED. A frame that repeats earlier values is omitted; after the event
+    FROZEN, it is delivered without marks.
     refused: counts of unusable input, by kind
-    State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched;
-    counts of refused input, of its unreported part, and time of the last report [s].
     """
 
     origin_s = 0.0
@@ -106,7 +103,7 @@ class LiveMarks(Closing):
 
     @property
     def wanted(self) -> bool:
-        """Whether the receiver is open: a feed checks it regularly."""
+        """Whether the feed should continue; the feed checks this regularly."""
         return not self._stop.is_set()
 
     def take_line(self, line: bytes) -> None:
@@ -120,7 +117,7 @@ class LiveMarks(Closing):
             self.refuse("malformed", str(error))
 
     def take(self, frame: SentFrame, arrival_s: float) -> None:
-        """Process a frame that arrived at this time on this machine's clock [s]."""
+        """Process a frame that arrived at the time arrival_s by this machine's clock [s]."""
         with self._changed:
             restarts = self._sender.restarts
             try:
@@ -159,7 +156,7 @@ class LiveMarks(Closing):
             self._report()
 
     def _report(self) -> None:
-        """Make the report on refused input if it is due: for each kind, the number and the first message."""
+        """If a report on refused input is due, add it as an event: for each kind, the number and the first message."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
@@ -203,7 +200,7 @@ class LiveMarks(Closing):
         return None
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order; faults are detected while `next` waits or is called."""
+        """The events since the last call, in order; a silent sender is detected only while `next` runs."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events

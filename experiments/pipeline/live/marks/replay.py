@@ -16,11 +16,9 @@ from vision import Closing, EventKind, SourceEvent
 
 
 class MarksReplay(Closing):
-    """Source that delivers the newest frame of marks.csv that is due; the first frame is due at the first request.
+    """Playback of marks.csv: delivers the newest frame that is due; the first frame is due at the first request.
 
     A frame that repeats earlier values is delivered without marks.
-    State: the next frame; the time of the first request [s]; events not yet due; events not yet fetched; whether the
-    source has ended.
     """
 
     def __init__(
@@ -44,7 +42,7 @@ class MarksReplay(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the file's own time is zero [s]; 0 before the first frame."""
+        """Clock time at which the time in marks.csv is zero [s]; 0 before the first frame."""
         return 0.0 if self._began_s is None else self._began_s - self._first_s
 
     def next(self, timeout_s: float) -> MarksFrame | None:

@@ -13,7 +13,7 @@ CLEAR = 2.0
 
 
 class Moment(NamedTuple):
-    """Times of a frame [s]: sent, by the sender's clock, and arrived, by this machine's clock."""
+    """Times of a frame: when it was sent, by the sender's clock, and when it arrived, by this machine's clock [s]."""
 
     sent_s: float
     arrival_s: float
@@ -27,15 +27,14 @@ class SenderClock:
     """Conversion of a sender's times to this machine's monotonic clock: adds the offset of the clocks.
 
     Frames arrive late, never early. The offset is therefore the least difference between arrival time and sent time in
-    the last settings.remembered_frames frames, so it follows a drifting clock. The offset includes the least
-    transmission delay, which is unknown: converted times are late by this delay.
+    the last settings.remembered_frames frames. The offset includes the least transmission delay, which is unknown:
+    converted times are late by this delay.
 
-    A frame is refused if its sent time does not increase, or if it increases by over settings.hung_s more than this
-    machine's clock. If all frames are refused for settings.blocked_s, although their own times are in order, the sender
-    has a new clock, for example after a restart. The new clock is then adopted.
+    A frame is refused if its sent time does not increase. It is also refused if, since the last frame, the sent time
+    has increased by settings.hung_s more than this machine's clock. If all frames are refused for settings.blocked_s
+    although their sent times increase regularly, the sender has a new clock, which is then adopted.
 
-    State: clock differences of the last frames [s]; the last accepted frame; the first and the last of the frames that
-    may have a new clock; restarts, the number of adopted clocks.
+    restarts: number of adopted clocks
     """
 
     def __init__(self, settings: SourceSettings) -> None:
@@ -46,7 +45,10 @@ class SenderClock:
         self._other: tuple[Moment, Moment] | None = None
 
     def exposure_s(self, sent_s: float, arrival_s: float) -> float:
-        """Exposure time by this machine's clock [s] of a frame with these times; raises OrderError."""
+        """Convert the time sent_s of a frame that arrived at arrival_s to exposure time by this machine's clock [s].
+
+        Raises OrderError if the frame is refused.
+        """
         now = Moment(sent_s, arrival_s)
         if self._last is not None and (why := self._refusal(self._last, now)) is not None:
             first = now if self._other is None or self._refusal(self._other[1], now) is not None else self._other[0]
