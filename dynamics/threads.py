@@ -35,8 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS library of NumPy and SciPy.
 
-    The calls do not release the interpreter's lock: a release in each frame would make them wait for other Python
-    threads.
+    The calls keep the interpreter's lock, because a call that releases it may have to wait for other Python threads.
     """
     found = []
     for package in (numpy, scipy):

@@ -1,4 +1,4 @@
-"""Assembly of the forces of all force elements over the free coordinates of a mesh."""
+"""Assembly of the forces of all force elements on the free coordinates."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ COMPILED = (Springs, Weight, Resistance)
 
 
 class Assembly:
-    """Forces and sparse tangents of a mesh over its free coordinates, node by node.
+    """Forces of elements on the free coordinates, and sparse tangent matrices; coordinates are in node order.
 
     Parameters
     ----------
     positions : (n_nodes, dim)
-        Positions of all nodes [m]; nodes that are not free stay there.
+        Positions of all nodes [m], at which the nodes that are not free stay.
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement
-        Constants of springs, weights and resistances are read only at construction.
+        Elements. Later changes to the constants of springs, weights and resistances have no effect.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Assembly:
         return total + self._of_others(q, v) if self._others else total
 
     def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """Results of `force` and of `tangents`, the latter as dense matrices, (n, n) each."""
+        """Force [N], (n,), and dense matrices of stiffness [N/m] and damping [N s/m], (n, n) each."""
         total, K, C = linearised(q, v, self.positions, self._place, *self._packed, True)
         if not self._others:
             return total, K, C
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """For one kind of element: entries of its blocks that belong to free coordinates; their rows and columns."""
+        """Indices of the entries of the elements' matrices for free coordinates, and the entries' rows and columns."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)

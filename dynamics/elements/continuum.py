@@ -53,25 +53,25 @@ SAMPLES = 500
 """Approximate number of surface nodes from which the functions are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""A mode is omitted if the root mean square displacement of the points in this mode, relative to the body's extent, is
-below this [1]; numerical. `POKE_M_S2` and `BENT` define the surface forces."""
+"""Root mean square displacement of the points in a mode, relative to the body's extent, below which the mode is omitted
+[1]; numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces for the selection of modes [m/s²], and least displacement of the points by these forces, relative to
-the body's extent [1]; choice, as for the filter's pokes. For a stiff body, the forces are increased accordingly."""
+"""Surface forces for the selection of modes, divided by the body's mass [m/s²]; choice. For a stiff body, they are
+increased until they displace the points by BENT times the body's extent [1]."""
 
 DEPENDENT = 1e-5
 """Relative singular value below which a direction is linearly dependent on the other modes [1]; numerical."""
 
 NEAR = 0.02
-"""Largest distance from the surface at which an outside point is attached to the surface, relative to the extent [1];
-choice: some millimetres, because measured marks may lie off a coarse surface."""
+"""Largest distance of an outside point that is moved to the surface, relative to the body's extent [1]; choice: some
+millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
 """Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""A point is fixed if the sum of its weights for free nodes is below this [1]; numerical: positions are rounded."""
+"""A point is fixed if its weights for all free nodes have a sum below this [1]; numerical: positions are rounded."""
 
 CHUNK = 2**16
 """Number of strains that are computed at once, to limit the memory; numerical."""
@@ -81,14 +81,17 @@ WALL = 12
 
 
 class Points(NamedTuple):
-    """Points of a mesh: positions [m], (k, 3), and weights of all nodes for each point, (k, n_nodes)."""
+    """Points, each a weighted mean of a mesh's nodes: positions [m], (k, 3), and weights of nodes, (k, n_nodes)."""
 
     places: Floats
     weights: csr_array
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points of a mesh at given places [m], (k, 3). Places just outside move to the surface; MeshError if far away."""
+    """Points of a mesh at given places [m], (k, 3). Places just outside the mesh are moved to its surface.
+
+    Raises MeshError for a place that is further outside.
+    """
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -135,7 +138,7 @@ def continuum_network(
     driven: bool = False,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """Reduce a mesh to modes, and make a network whose free nodes are named points of the mesh.
+    """Reduce a mesh to vibration modes. The free nodes of the returned network are named points of the mesh.
 
     Parameters
     ----------
@@ -146,12 +149,12 @@ def continuum_network(
     fixed : (n_fixed,) int
         Fixed nodes of the mesh; empty for a free body.
     points : mapping of str to (3,)
-        Positions of marks on the surface and of targets inside, by name [m]. They become the free nodes of the network.
-        Its other nodes, `wall 1` and so on, show where the body is fixed.
+        Positions of marks on the surface and of targets inside, by name [m]. The other nodes of the network, `wall 1`
+        and so on, show where the body is fixed.
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        Threshold in place of `LEFT_OUT`. With 0, the modes span all responses to the smooth surface forces.
+        Threshold for omitted modes, see `LEFT_OUT` [1]. With 0, only linearly dependent modes are omitted.
 
     Returns
     -------
@@ -257,7 +260,7 @@ def _extent(nodes: Floats) -> float:
 
 
 def _by_axis(weights: csr_array) -> csr_array:
-    """Weights of nodes (k, n), repeated for the three coordinates of each node, (3 k, 3 n)."""
+    """Weights of coordinates, (3 k, 3 n), from weights of nodes, (k, n)."""
     entries = weights.tocoo()
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
@@ -289,10 +292,10 @@ def _smooth(places: Floats, length: float, count: int) -> Floats:
 def _modes(
     nodes: Floats, masses: Floats, K: csc_array, held: bool, responses: Floats, at_points: Floats, left_out: float
 ) -> tuple[Floats, Floats]:
-    """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²].
+    """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²], (r,).
 
-    The modes span the responses that move the points and, for a free body, its affine motions.
-    at_points: displacement of the points in each response, (3 k, n_responses)
+    The modes span the responses to forces, (3 n, n_responses), without those that hardly move the points. The modes of
+    a free body also span its affine motions. at_points: displacement of the points, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
     _, sizes, right = np.linalg.svd(at_points, full_matrices=False)

@@ -7,9 +7,9 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
 plus, for each patch, lambda / 2 times the squared mean of theta over its volume. The mean prevents locking of nearly
-incompressible elements. Dashpots with moduli mu' and lambda' add two stresses. One is A (2 mu' sym(A^T dF/dt)), with
-A = I in the linear law and A = F in the others. The other is lambda' times the mean rate of theta. Sources:
-[mcadams2011] corotated, [lin2022] its rotation, [bonet2008] neo-Hookean, [souzaneto2005] patches.
+incompressible elements. Dashpots with moduli mu' and lambda' add two stresses. The first is A (2 mu' sym(A^T dF/dt)),
+with A = I in the linear law and A = F in the other laws. The second is lambda' times the mean rate of theta. Sources:
+[mcadams2011] corotated law, [lin2022] rotation R, [bonet2008] neo-Hookean law, [souzaneto2005] patches.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PackedTetrahedra(NamedTuple):
 class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
-    F, rate: deformation gradient and its rate; A: see the text of this module; P: stress divided by mu
+    F, rate: deformation gradient and its rate; A: as in the module's docstring; P: stress divided by mu
     T: derivative of theta with respect to F; M: scratch; cofactors: cofactors of F
     inverse: (tr V I - V)^-1 for the stretch V = F R'. These arrays have the shape (3, 3).
     h: gradients of the corners' weights, multiplied by R or, for the neo-Hookean law, by F^-T, (4, 3)

@@ -20,7 +20,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 class Weight:
-    """Weight of nodes: a constant force [N], (n, dim), on nodes (n, 1)."""
+    """Weights as force elements; nodes: index of the node of each element, (n, 1); weight: weights [N], (n, dim)."""
 
     def __init__(self, nodes: NDArray[np.int64], weight: Floats) -> None:
         self.nodes, self.weight = nodes, weight
@@ -45,12 +45,12 @@ class Weight:
         return none, none
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Empty: masses are not estimated."""
+        """An empty mapping, because masses are not estimated."""
         return {}
 
 
 class Resistance:
-    """Viscous drag and dry friction of nodes (n, 1) against the ground.
+    """Viscous drag and dry friction against the ground, as force elements; nodes: node of each element, (n, 1).
 
     constants: drag [N s/m] and friction [N], (n,) each
     """

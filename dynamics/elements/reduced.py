@@ -1,8 +1,8 @@
-"""Reduced bodies: a few shapes in which a body moves, and its forces in these shapes.
+"""Reduced bodies: motion of a body in a few shapes, and the body's forces in these shapes.
 
 A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector. Each shape
-can therefore move the body in any direction, also after rotations. The constant 1 and the rest coordinates are shapes,
-so affine motions are exact. The projection on responses follows [benner2015].
+can therefore move the body in any direction. The constant 1 and the rest coordinates are shapes, so affine motions are
+exact. The projection on responses follows [benner2015].
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Span:
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
-        Standard deviation of each reduced acceleration, if all accelerations of nodes are independent with variance 1.
+        Standard deviation of each reduced acceleration if the accelerations of all nodes are white with variance 1.
     """
 
     matrix: Floats
@@ -45,21 +45,21 @@ class Span:
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the reduced coordinates, (n, n), for independent coordinates of all nodes with variance 1."""
+        """Covariance of the reduced coordinates, (n, n), if all node coordinates are independent with variance 1."""
         return np.asarray(self.onto @ self.onto.T)
 
     @classmethod
     def whole(cls, masses: Floats) -> Span:
-        """The identity map: every coordinate stays a coordinate; masses: (n_full,) [kg]."""
+        """The identity map; masses: mass of each coordinate [kg], (n_full,)."""
         n = len(masses)
         return cls(np.eye(n), np.eye(n), masses, np.ones(n))
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Map with one vector of reduced coordinates for each shape; shapes: (n_nodes, r), masses: (n_nodes,) [kg].
+        """Map from reduced coordinates, which are dim for each shape; shapes: (n_nodes, r); masses: (n_nodes,) [kg].
 
-        Shapes are scaled so that a coordinate is the root mean square displacement weighted by mass [m]. They are
-        rotated so that independent accelerations of the nodes give independent reduced accelerations.
+        A reduced coordinate is the root mean square displacement weighted by mass [m]. Independent accelerations of the
+        nodes give independent reduced accelerations.
         """
         total = masses.sum()
         own = shapes / np.sqrt(np.einsum("ik,i,ik->k", shapes, masses, shapes))
@@ -86,7 +86,7 @@ class ReducedAssembly:
         return np.asarray(self._whole.force(self._matrix @ q, self._matrix @ v) @ self._matrix)
 
     def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """Result of `force`, and dense matrices of stiffness [N/m] and damping [N s/m], (n, n) each."""
+        """Force [N], (n,), and dense matrices of stiffness [N/m] and damping [N s/m], (n, n) each."""
         V = self._matrix
         force, K, C = self._whole.linearised(V @ q, V @ v)
         return force @ V, V.T @ (K @ V), V.T @ (C @ V)

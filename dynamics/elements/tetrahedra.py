@@ -118,7 +118,7 @@ class Tetrahedra:
         return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
 
     def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
-        """Constants in the kernels' order, (m, 4). The elastic part is multiplied by `stored`."""
+        """Moduli for the kernels, (m, 4): lam and mu multiplied by `stored`, and lam and mu multiplied by `damping`."""
         return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
 
     def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:

@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""A network rests as drawn if the distance of each node from its drawn position, relative to the longest spring, is at
-most this [1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
+"""Largest distance of a node from its drawn position, relative to the longest spring, at which a network rests as drawn
+[1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
 
 
 def build_network(
@@ -38,15 +38,14 @@ def build_network(
     names: unique names of the n_nodes nodes
     positions: positions of the nodes in the drawn shape [m], (n_nodes, dim), dim 2 or 3
     edges: the two ends of each of n_springs springs, as names or as indices among the names; no pair twice
-    stiffness, damping: stiffness of the springs [N/m]; damping of the dashpots along them [N s/m]
-    masses, drag, friction: masses of the nodes [kg], their viscous drag [N s/m], their Coulomb friction [N]
+    stiffness, damping: stiffness of the springs [N/m], damping of the springs' dashpots [N s/m]
+    masses, drag, friction: mass [kg], viscous drag [N s/m] and Coulomb friction [N] of the nodes
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
     fixed: names of the anchors
-    rest_lengths: "as drawn": the lengths in the drawn shape, so that the network sags under gravity; "at rest": these
-        lengths, changed as little as possible, but so that the network rests as drawn; or lengths [m]
+    rest_lengths: lengths [m]; or "as drawn" for the lengths in the drawn shape, with which the network sags under
+        gravity; or "at rest" for rest lengths near those in the drawn shape with which the network rests as drawn
 
-    The constants of springs or nodes are one number for all, or an array in their order, (n_springs,) or (n_nodes,).
-
+    Each constant is one number for all springs or nodes, or an array in their order, (n_springs,) or (n_nodes,).
     Raises NetworkError for invalid arguments, and if small changes of rest lengths cannot balance the drawn shape.
     """
     known = _places(names)
@@ -141,7 +140,7 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
-    """The values as an array (n,), from one value for all or from n values; raises NetworkError for another number."""
+    """Array (n,) from one value for all or from n values. Raises NetworkError for another number of values."""
     array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")

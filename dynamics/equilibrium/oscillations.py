@@ -12,8 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts are rounding errors. For a double root, rounding errors are as
-large as the square root of the usual ones."""
+"""Relative size below which rates and imaginary parts are rounding errors. The rounding errors of a double root are the
+square root of those of a single root."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

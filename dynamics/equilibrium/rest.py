@@ -27,7 +27,7 @@ MOST_CHANGE = 1.0 - float(STRETCHES[0])
 """Largest relative change of a rest length: `stable_step` is valid only up to this stretch."""
 
 RANK_TOLERANCE = 1e-12
-"""Relative size below which a singular value is a rounding error, so that forces do not depend on its direction."""
+"""Relative size below which a singular value is only a rounding error [1]."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
@@ -35,15 +35,15 @@ CONVERGED = 1e-11
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network, without gravity if it has no anchors, because an unknown support then balances the weight."""
+    """The network; if it has no anchors, without gravity, because an unknown support then balances the weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
-    """Positions of all nodes at rest [m], (n_nodes, dim): the minimum of the energy nearest to the stated shape.
+    """Positions of all nodes at rest [m], (n_nodes, dim): the minimum of the energy nearest to the drawn shape.
 
     force: a constant force on the free nodes [N], (n_free, dim); default: no force
-    If the network has no anchors, gravity is omitted (`supported`), and the rest shape is aligned with the drawn shape.
+    If the network has no anchors, gravity is omitted, and the rest shape is aligned with the drawn shape.
     Raises NetworkError if no stable minimum of the energy is found near the drawn shape.
     """
     network = supported(network)
@@ -86,7 +86,7 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
 
 def _deflection(stiffness: Floats, forces: Floats) -> Floats:
-    """Displacement [m] due to forces [N], (n_free, dim) each. For a free body it is the smallest possible one."""
+    """Smallest displacement [m], (n_free, dim), that balances forces [N], (n_free, dim)."""
     if not forces.any():
         return np.zeros_like(forces)
     return np.asarray(np.linalg.lstsq(stiffness, forces.ravel(), rcond=RIGID)[0]).reshape(forces.shape)
@@ -111,9 +111,9 @@ def _aligned(shape: Floats, drawn: Floats) -> Floats:
 
 
 def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, ArrayLike]) -> Floats:
-    """Positions of all nodes at equilibrium [m], (n_nodes, dim), with some free nodes fixed at given places.
+    """Positions of all nodes at equilibrium [m], (n_nodes, dim), if the nodes named in `places` are fixed.
 
-    places: position of each such node, by name [m], (dim,). Raises NetworkError as `rest_shape` does.
+    places: positions of these nodes, by name [m], (dim,). Raises NetworkError if there is no rest shape.
     """
     positions, fixed = network.positions.copy(), network.fixed.copy()
     for node, position in places.items():
@@ -125,9 +125,9 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 
 
 def reaches(network: MassSpringNetwork) -> Floats:
-    """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
+    """Distance of each node from the nearest anchor [m], (n_nodes,), or, without anchors, from the farthest node.
 
-    Without anchors, it is the largest distance from any other node. In a continuum, distances are along straight lines.
+    The distance in a continuum is along a straight line. Otherwise it is the sum of rest lengths along a path.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -147,11 +147,10 @@ def fit_rest_lengths(
     positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: standard deviation of each coordinate [m]
     known: prior relative standard deviation of the rest lengths [1]
 
-    Gauss-Newton steps reduce the forces f in the measured shape. With c the relative changes of the rest lengths and
-    G = df/dc, the next c is the smallest solution of G (c - c_now) + f = 0. If sd_m is above 0, the next c is the most
-    probable one; the error of f is then the stiffness times the position error. Combinations of rest lengths that do
-    not affect the forces stay unchanged. Raises NetworkError if a rest length has to change by half or more, if the
-    iteration does not converge, or if there is no stable rest shape near the measured shape.
+    Gauss-Newton steps find the smallest relative changes of rest lengths for which the forces in the measured shape are
+    zero. If sd_m is above 0, they find the most probable changes: the errors of the forces are then the stiffness times
+    the errors of the positions. Raises NetworkError if a rest length has to change by half or more, if the iteration
+    does not converge, or if there is no stable rest shape near the measured shape.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """For each of n_sets sets of states: whether any spring is reversed between the first and another state, (n_sets,).
+    """Whether any spring is reversed between the first and another state of each set of states, (n_sets,).
 
     A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]
@@ -23,7 +23,7 @@ def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.b
 
 @lru_cache(maxsize=64)
 def _first_coordinates(network: MassSpringNetwork) -> NDArray[np.intp]:
-    """Index of each node's first coordinate among the free ones, (n_nodes,); -1 for an anchor."""
+    """Index of each node's first coordinate among the free coordinates, (n_nodes,); -1 for an anchor."""
     place = np.full(network.n_nodes, -1)
     place[network.free] = np.arange(len(network.free)) * network.dim
     return place

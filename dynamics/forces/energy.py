@@ -1,13 +1,13 @@
 """Forces and energy of a mass-spring network: the paper's Lagrangian, with its signs corrected.
 
-Source: [paper], equations (3) to (6). The kinetic energy is K = sum m_i v_i.v_i / 2 (4). The potential has
-k (l - l0)^2 / 2 for each spring, which (5) expands, and -m_i g.x_i for gravity. With Rayleigh's dissipation function
+Source: [paper], equations (3) to (6). The kinetic energy (4) is K = sum m_i v_i.v_i / 2. The potential energy (5) is
+k (l - l0)^2 / 2 for each spring, and -m_i g.x_i for the weight of each node. With Rayleigh's dissipation function
 P = sum c (dl/dt)^2 / 2 + sum drag_i v_i.v_i / 2, Lagrange's equation (3) gives
 
     m_i a_i = sum_j (k_ij (l_ij - l0_ij) + c_ij dl_ij/dt) n_ij  -  drag_i v_i  +  m_i g  +  Q_i
 
 with n_ij the unit vector from i to j. This differs from [paper] (6), whose signs let a stretched spring repel its
-nodes, so that the motion diverges; the force here is minus the gradient of (5).
+nodes. The force here is minus the gradient of (5).
 """
 
 from __future__ import annotations

@@ -1,18 +1,15 @@
 """Force laws as scalar functions, and compiled loops over springs, nodes and time steps.
 
-A force law is a few functions of one spring or one node: the force, its potential and its derivatives, in closed form.
-They take numbers or arrays: compiled loops call them with numbers; energy, tangent matrices, stability limit, parameter
-forces and the plain NumPy version call them with arrays. `tests/dynamics/forces/test_laws.py` checks every law of LAWS
-against finite differences, as a scalar function and in each assembly.
+A force law consists of functions of one spring or one node: the force, its potential and its derivatives. The compiled
+loops call these functions with numbers, and all other code calls them with arrays. `tests/dynamics/forces/test_laws.py`
+checks every law of LAWS against finite differences.
 
-    tension of a spring     T = k (l - l0) + c dl/dt        along the spring, dl/dt its rate [N]
-    resistance of a node    R = drag + friction / sqrt(v.v + slip²)     force -R v [N s/m]
+    tension of a spring     T = k (l - l0) + c dl/dt [N]
+    resistance of a node    R = drag + friction / sqrt(v.v + slip²) [N s/m], with the force -R v
 
-Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays of the
-loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over adjacent
-numbers and the compiler can process several states at a time. The loops copy number by number: slice assignments, with
-their shape checks, take seconds longer to compile. The input is checked by
-`dynamics.forces.energy` and `dynamics.integration.stepping`.
+Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays in the
+loops have the shape (n_nodes, dim, n_points), so that the innermost loop runs over the states, which are adjacent in
+memory. The loops copy number by number, because slice assignments take seconds longer to compile.
 """
 
 from __future__ import annotations
@@ -317,7 +314,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add entry (a, b) of a spring's matrix to a larger one; i, j: first coordinates of its nodes, -1 for an anchor."""
+    """Add entry (a, b) of a spring's matrix to `matrix`; i, j: first coordinates of its nodes, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -331,9 +328,9 @@ def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
 def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
-    x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among the free ones, -1 for an anchor
-    definite: whether to replace negative constants, such as the transverse stiffness T / l of a compressed spring, with
-    0; both matrices are then semidefinite, so that an implicit step damps buckling instead of letting it grow
+    x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among all free coordinates, -1 for an anchor
+    definite: whether to replace negative stiffness, such as T / l across a compressed spring, by 0. Both matrices are
+        then semidefinite, and an implicit step damps buckling
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0
@@ -433,10 +430,10 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of the step in the first stage, the trapezoidal rule. With it, both stages have the same matrix [bank1985]."""
+"""Share of the step in the first stage, the trapezoidal rule, for which both stages have the same matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Number of Newton iterations in a stage, and their largest number if they do not contract; numerical: a link of
+"""Number of Newton iterations in a stage, and largest number if the iterations do not contract; numerical: a spring of
 2e7 N/m oscillates equally with two and with four iterations."""
 
 CONTRACTED = 0.5
@@ -477,7 +474,7 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
     """Solve (q, v) = target + weight (v, a(q, v)) by Newton iterations from `now`, and overwrite `now`.
 
     L: factor of the tangents near the solution, see `_factorise`
-    renew: whether each iteration computes L again. If an iteration did not contract, the next one always computes L.
+    renew: whether each iteration computes L again; after an iteration that did not contract, L is always computed
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)

@@ -33,7 +33,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A constant of a kind in KINDS; index: index of its spring, or of its node for drag and friction."""
+    """A constant of a spring or of a node; kind: one of KINDS; index: index of the spring or node."""
 
     kind: str
     index: int
@@ -41,13 +41,13 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterUncertainty:
-    """Uncertainty of the logs of constants, as a sum of independent errors.
+    """Uncertainty of constants: the errors of their logs are sums of n_directions independent errors.
 
     parameters: the uncertain constants
-    directions: (n_directions, n_parameters): row i is the change of all logs by one standard deviation of independent
-        error i [1]; the covariance of the logs is directions.T @ directions
+    directions: change of the log of each constant by one standard deviation of each independent error [1],
+        (n_directions, n_parameters); the covariance of the logs is directions.T @ directions
 
-    Raises NetworkError for other shapes, for numbers that are not finite, and if exp of a standard deviation overflows.
+    Raises NetworkError for other shapes, numbers that are not finite, and standard deviations above `LARGEST_LOG`.
     """
 
     parameters: tuple[Parameter, ...]
@@ -81,7 +81,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Combination of this and another uncertainty, whose directions are independent errors."""
+        """Sum of this and another uncertainty. The errors of both are independent of each other."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -102,9 +102,9 @@ def strain_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
-    The strain tensor E(X) is symmetric, and its components are independent Gaussian fields. The strain changes the rest
-    length of a spring along n by n' E n. The covariance of springs along n and m is sd² exp(-d² / 2 l²) (n · m)², with
-    d the distance between their middles. A pivoted Cholesky decomposition [harbrecht2012] approximates this covariance.
+    For two springs along the unit vectors n and m, the covariance of the relative changes of the rest lengths is
+    sd² exp(-d² / 2 l²) (n · m)², with d the distance between the middles of the springs. A pivoted Cholesky
+    decomposition [harbrecht2012] approximates this covariance.
     sd: standard deviation of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of the approximation
     """
@@ -149,7 +149,7 @@ def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
 
 
 def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
-    """The constant with a name as from `parameter_label`; NetworkError if there is none."""
+    """The constant with the name `text`, see `parameter_label`. Raises NetworkError if there is no such constant."""
     for parameter in parameters(network):
         if parameter_label(network, parameter) == text:
             return parameter
@@ -203,7 +203,7 @@ def parameter_forces(
 
 
 class ParameterForces:
-    """Compiled `parameter_forces` for the states of one network; a filter calls it at every step."""
+    """Compiled version of `parameter_forces` for the states of one network."""
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)
@@ -215,7 +215,7 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """Derivatives, (..., n_parameters, n_state / 2), in states of the free nodes, (..., n_state)."""
+        """Derivatives of forces by the logs of the constants [N], (..., n, n_state / 2), for states (..., n_state)."""
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

@@ -18,11 +18,11 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
-"""Classical Runge-Kutta is stable in the left half of a disc with this radius (Hairer and Wanner, IV.2, figure 2.1)."""
+"""Classical Runge-Kutta is stable if step times eigenvalue has at most this modulus and no positive real part (Hairer
+and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Ratios of length to rest length at which the stability limit searches the largest stiffness. If the stiffness is
-monotone between two successive ratios, as in every present law, the maximum is at one of the ratios."""
+"""Ratios of length to rest length at which `stable_step` computes the stiffness of a spring."""
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
@@ -45,7 +45,7 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
     """Damping matrix of the free coordinates for small motions [N s/m], (n_free dim, n_free dim).
 
     positions: positions of all nodes [m], (n_nodes, dim)
-    speed_m_s: speed of the nodes at which their resistance, force divided by speed, is computed [m/s]
+    speed_m_s: speed at which the resistance of the nodes (force divided by speed) is computed [m/s]
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -59,7 +59,7 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
     """Matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
     positions: positions of all nodes at rest [m], (n_nodes, dim)
-    speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
+    speed_m_s: speed at which the resistance of the nodes is computed [m/s]
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
@@ -73,10 +73,9 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
-    In these shapes, the tangent stiffness of a spring is at most k in any direction, with k the largest dT/dl or T / l.
-    A graph Laplacian weighted by k bounds the stiffness, and a second Laplacian bounds the damping. Divided by the
-    masses, these Laplacians have the largest eigenvalues w² and d. The eigenvalues of the linearised motion have
-    magnitudes of at most (d + sqrt(d² + 4 w²)) / 2.
+    The eigenvalues of the linearised motion have magnitudes of at most (d + sqrt(d² + 4 w²)) / 2. Here w² and d are the
+    largest eigenvalues of two graph Laplacians divided by the masses. The Laplacians are weighted by the largest
+    stiffness and the largest damping that each spring has at these lengths.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

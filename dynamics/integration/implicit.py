@@ -14,23 +14,23 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Largest number of coordinates with which each Newton iteration computes tangents, as a link of 2e7 N/m requires. With
-more coordinates, all iterations use the tangents at the step's start, which suffices for links of up to 2e5 N/m."""
+"""Largest number of coordinates with which each Newton iteration computes tangents, as springs of 2e7 N/m require. With
+more coordinates, all iterations use the tangents at the step's start, which suffices for springs of up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Relative stiffness that is only a rounding error."""
 
 DRIVEN = 1e12
-"""Factor on the mass of a driven node, with which forces do not change the node's velocity [1]; numerical."""
+"""Factor by which the mass of a driven node is multiplied, so that forces do not change its velocity [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
     """Derivatives of the state after an interval, for k states.
 
-    F: derivative with respect to the state at the interval's start, (k, n_state, n_state)
-    by_force: derivative with respect to constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
-    half: F for the second half of the interval or, if the interval is a single step, F itself
+    F: derivative by the state at the start of the interval, (k, n_state, n_state)
+    by_force: derivative by constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
+    half: derivative by the state in the middle of the interval; F if the interval is a single step
     """
 
     F: Floats
@@ -57,9 +57,9 @@ class ImplicitStepper:
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
-        """States (n_points, n_state) after dt [s] under constant forces on the free coordinates [N].
+        """States (n_points, n_state) after dt [s]; driven: free nodes that keep their velocity under any force.
 
-        driven: free nodes that keep their velocity under any force
+        forces: constant forces on the free coordinates [N], (n_points, n_state / 2)
         """
         n, nodes = self.n_steps(dt), self.network.positions
         points = np.ascontiguousarray(states)
@@ -68,7 +68,7 @@ class ImplicitStepper:
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
     def _masses_with(self, driven: Sequence[int]) -> Floats:
-        """Masses of the free coordinates [kg], (n_state / 2,); those of driven nodes are multiplied by `DRIVEN`."""
+        """Masses of the free coordinates [kg], (n_state / 2,). Masses of driven nodes are multiplied by `DRIVEN`."""
         if not len(driven):
             return self._masses
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
@@ -78,8 +78,8 @@ class ImplicitStepper:
 
         driven: free nodes that keep their velocity under any force
 
-        If the tissue buckles in a state, compressed springs get no transverse stiffness. Their negative stiffness would
-        let the linear motion grow without limit, while real tissue stops at another rest shape.
+        If the stiffness in a state is indefinite because tissue buckles, the negative transverse stiffness of its
+        compressed springs is replaced by 0. Otherwise the linear motion would grow without limit.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)
@@ -105,7 +105,7 @@ class ImplicitStepper:
         return Linearised(F, by_force, before)
 
     def _tangents(self, states: Floats) -> tuple[Floats, Floats]:
-        """Stiffness and damping in each state, (k, n_half, n_half); an indefinite pair is made semidefinite."""
+        """Stiffness and damping in each state, (k, n_half, n_half). Indefinite matrices are made semidefinite."""
         own = self.network.positions, self.network.free, self._packed
         K, C = tangents_each(states, False, *own)
         if _are_semidefinite(K):

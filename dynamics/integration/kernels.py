@@ -1,7 +1,7 @@
-"""Compiled algebra of the implicit step of second order: its stages, its derivative, noise of several steps.
+"""Compiled algebra of the implicit step in `dynamics.integration.rosenbrock`.
 
-Letters as in `dynamics.integration.rosenbrock`: h is the step, g = gamma h, J the Jacobian of the equations of motion,
-K the stiffness, C the damping. S = (M + g C + g² K)^-1 is used to multiply vectors by (1 - g J)^-1.
+In this module, h is the step, g = gamma h, J the Jacobian of the equations of motion, K the stiffness, and C the
+damping. S = (M + g C + g² K)^-1 is used to multiply vectors by (1 - g J)^-1.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
 
 @njit(cache=True, nogil=True)
 def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
-    """Product of (1 - g J)^-1 with the vector (of_q, of_v), where of_q and of_v are (n,); returns a vector (2 n,)."""
+    """Product of (1 - g J)^-1 and the concatenation of of_q (n,) and of_v (n,); returns (2 n,)."""
     speed = S @ (M * of_v - g * (K @ of_q))
     return np.concatenate((of_q + g * speed, speed))
 
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """Matrix S; first stage of motion (2 n,) and accelerations (n_f,); coordinates and velocities after it, (2 n,)."""
+    """S (n, n); in the first stage, derivatives of motion (2 n,) and forces (n_f,); motion after this stage (2 n,)."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
     S = np.linalg.inv(matrix if is_finite else np.eye(n))
-    if not is_finite:  # if the state is not finite, the caller sees it in the moved state
+    if not is_finite:  # the moved state then contains NaN, which the caller detects
         S[:] = np.nan
     v, f = state[n : 2 * n], state[2 * n :]
     faded = -rates * f / (1.0 + g * rates)
@@ -38,9 +38,9 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """State after the step, and the largest difference between the two stages in any coordinate [m].
+    """State after the step, and the largest difference of a coordinate between the two stages [m].
 
-    middle: coordinates and velocities after the first stage; force: force at `middle`
+    middle: coordinates and velocities after the first stage, (2 n,); force: force at `middle` [N], (n,)
     """
     n, g = len(M), GAMMA * h
     f = state[2 * n :]
@@ -53,10 +53,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write derivatives of coordinates and velocities into columns of `found`, from column `start` on.
-
-    speeds: derivatives of velocities, (n, k); once: A times these derivatives, (n, k), with the resolvent A
-    """
+    """Write derivatives of coordinates and velocities, (2 n, k), into `found`, from column `start` on."""
     n, k = once.shape
     for i in range(n):
         for j in range(k):
@@ -106,7 +103,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
 
     The m states are n positions, n velocities and n_f decaying forces. The first covariance is due to white noise on
     the velocities. Each further covariance is due to the forces of one source with variance 1.
-    by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
+    by_states (n_steps, 2 n, m), fadings (n_steps, n_f), steps_s (n_steps,): derivatives, decays, lengths [s] of steps
     sources (n_f,): index of each force's source; white (n,): standard deviation of each velocity's white noise
     """
     n_steps, moving, m = by_states.shape

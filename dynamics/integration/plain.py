@@ -1,8 +1,7 @@
 """Equations of motion in plain NumPy: the reference for speed and results of the compiled kernels.
 
-`softaim bench` times filterpy's filter with this process model, and tests compare the kernels with it. This module and
-the kernels use the scalar force laws of `dynamics.forces.kernels`. The tests contain an independent version of these
-laws.
+`softaim bench` measures the time of filterpy's filter with this process model. Tests compare the kernels with this
+module. Both use the force laws of `dynamics.forces.kernels`, for which the tests contain an independent version.
 """
 
 from __future__ import annotations

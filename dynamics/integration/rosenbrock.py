@@ -2,8 +2,8 @@
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-The accelerations f decay; they are states of a filter. The step is L-stable: it damps stiff oscillations. It keeps the
-energy of slow oscillations to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
+The state contains the decaying accelerations f. The step is L-stable, which means that it damps stiff oscillations. It
+keeps the energy of slow oscillations to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from dynamics.integration.kernels import GAMMA, ONCE, TWICE, along_steps, by_pus
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
-"""Shortest step, relative to the whole interval, for any error of the step [1]; numerical."""
+"""Shortest step, relative to the whole interval. A step of this length is accepted with any error [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """One step: length [s], state after the step (n_state,), derivative with respect to the state before it.
+    """One step: its length [s], and the state after the step, (n_state,).
 
-    by_state: derivative of coordinates and velocities, (2 n, n_state)
+    by_state: derivative of the new coordinates and velocities by the state before the step, (2 n, n_state)
     fading: factor by which each acceleration decays in the step, (n_f,)
     S [1/kg], (n, n), K [N/m], (n, n), M [kg], (n,): matrices of the step as in `dynamics.integration.kernels`
     """
@@ -86,7 +86,7 @@ class Rosenbrock:
     def moves(self, state: Floats, dt: float, longest_s: float, *, derivatives: bool = True) -> list[Move]:
         """Integrate from a state (n_state,) over dt [s], in steps of at most longest_s [s]; returns the steps.
 
-        derivatives: whether to compute `by_state`; if not, it is empty, and the computation is much faster
+        derivatives: whether to compute `by_state`, which takes most of the time; if not, `by_state` is empty
         """
         M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
         h = longest = dt / max(1, int(np.ceil(dt / longest_s * (1.0 - SAME_STEP))))

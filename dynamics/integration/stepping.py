@@ -22,13 +22,13 @@ LONGEST_STEP = 1.0 / 240.0
 SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
-"""Relative excess of an interval over n steps with which n steps still suffice: times are often rounded to 1 ns."""
+"""Relative excess of an interval over n steps that is ignored, because times are often rounded to 1 ns [1]."""
 
 
 class Stepper:
     """Integrator for batches of states of one network: compiled classical Runge-Kutta steps.
 
-    max_step_s: longest step [s]. For springs, a step is also at most half the stability limit.
+    max_step_s: longest step [s]; in a network of springs, no step is longer than half the stability limit
     """
 
     def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
@@ -146,11 +146,11 @@ def integrate_adaptive(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
 
-    method: explicit or, for stiff networks, the implicit Radau; their results agree within the tolerances
-
-    force(t): outside force on the free nodes [N], (n_free, dim). For a brief force or one with jumps, max_step_s must
-    be small enough not to miss it. bends_s: times at which the force is continuous but its slope jumps [s]. A step ends
-    at each of them, because a step across it would be rejected. Raises RuntimeError if the integrator fails.
+    method: an explicit method or, for stiff networks, the implicit method "Radau"
+    force(t): outside force on the free nodes [N], (n_free, dim). If the force is brief or jumps, max_step_s must be so
+        small that no step misses the change.
+    bends_s: times at which the slope of the force jumps [s]; a step ends at each of these times
+    Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

@@ -45,9 +45,9 @@ def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
 
 
 class Sample(NamedTuple):
-    """A lattice for the fit; young: wanted Young's moduli along `DIRECTIONS` [Pa], (6,).
+    """A lattice for `fitted_factors`; stiffness: stiffness of the springs before the fit [N/m], (n_springs,).
 
-    stiffness: stiffness of the springs before the fit [N/m], (n_springs,)
+    young: wanted Young's moduli along `DIRECTIONS` [Pa], (6,)
     """
 
     lattice: Lattice
@@ -56,11 +56,10 @@ class Sample(NamedTuple):
 
 
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
-    """Factors for `directed` [1], (6,), with which lattices of one structure have the wanted Young's moduli.
+    """Factors for `directed` [1], (6,), with which lattices of one structure get the wanted Young's moduli.
 
-    Gauss-Newton steps on the logarithms of the moduli fit one lattice exactly, and several lattices by least squares.
-    In a network of springs, Poisson's ratios and shear moduli cannot be chosen independently. Raises ValueError if no
-    factors are found.
+    The moduli of one lattice are met exactly. The logs of the moduli of several lattices are met by least squares.
+    Raises ValueError if no factors are found.
     """
     factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
     for _ in range(STEPS):
@@ -86,10 +85,9 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Logs of the ratios of wanted to present moduli, (6,); derivatives of the present logs by the factors, (6, 6).
+    """Logs of the ratios of wanted to present moduli, (6,), and derivatives of the logs of present moduli, (6, 6).
 
-    At equilibrium, the derivative of the energy by the stiffness k of a spring is half its squared elongation e. Under
-    unit tension and with the volume V, this gives d(1/E) = -sum over springs of e² dk / V.
+    Under unit tension of a volume V, d(1/E) = -sum over springs of e² dk / V, with the elongation e of each spring.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

@@ -1,4 +1,4 @@
-"""Lattice of a tissue cube: points along its structure, tetrahedra between them, springs along their edges."""
+"""Lattice of a tissue cube: points along the tissue's structure, tetrahedra between points, springs along edges."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from dynamics.network import MassSpringNetwork, spring_lengths
 Depth = Callable[[Floats], Floats]
 
 JITTER = 0.2
-"""Largest random shift of points, relative to the cell [1]; choice: a regular grid has flat tetrahedra."""
+"""Largest random shift of points, relative to a grid cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Least distance of two points, relative to the cell; if it is smaller, one point is omitted [1]; choice: this avoids
-flat tetrahedra."""
+"""Distance between two points, relative to a grid cell, below which one point is omitted [1]; choice: this avoids flat
+tetrahedra."""
 
 FLATTEST = 1e-3
-"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice. Flatter tetrahedra are omitted; they
-have about 1e-5 of the cube's volume."""
+"""Volume of a tetrahedron, relative to its longest edge cubed, below which the tetrahedron is omitted [1]; choice. All
+omitted tetrahedra together have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
 """Number of Newton steps to a surface, and half-width of the differences for the surface's normal, relative to the side
@@ -42,7 +42,7 @@ class Lattice:
     Attributes
     ----------
     mesh : TetMesh
-        A cube with a corner at the origin. Region 0 is the surrounding tissue, others are the structure's tissues.
+        A cube with a corner at the origin. Region 0 is the surrounding tissue, other regions belong to the structure.
     springs : (n_springs, 2) int
         Ends of each spring.
     edges : (m, 6) int
@@ -81,7 +81,7 @@ class Lattice:
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
     def of_springs(self, shares: Floats) -> Floats:
-        """Sum of the shares of the tetrahedra around each spring, (n_springs,); shares: (m,)."""
+        """Sum of `shares`, (m,), over the tetrahedra that contain each spring, (n_springs,)."""
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
@@ -136,9 +136,10 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
 
 def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
-    """The network of a lattice without anchors and without weight. It rests as drawn.
+    """The network of a lattice, without anchors and gravity, which rests as drawn.
 
-    stiffness: stiffness of the springs [N/m], (n_springs,); tissues: tissue of each region, for masses and damping
+    stiffness: stiffness of the springs [N/m], (n_springs,)
+    tissues: tissue of each region; its density and damping give the masses and dashpots
     """
     volumes = lattice.mesh.volumes
     damping_s = lattice.of_springs(lattice.of_elements(tissues, "damping_s") * volumes) / lattice.of_springs(volumes)
@@ -154,7 +155,7 @@ def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissu
 
 
 def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
-    """Points of the unit cube, (n, 3). Points near a surface are moved to it."""
+    """Points of the unit cube, (n, 3). Points near a surface are moved to this surface."""
     cell, along = 1.0 / cells, np.linspace(0.0, 1.0, cells + 1)
     x = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
     moves = (x > 0.5 * cell) & (x < 1.0 - 0.5 * cell)

@@ -26,11 +26,11 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Axes of each component of strain."""
 
 ON_FACE = 1e-6
-"""A node lies on a face if its distance from it, relative to the side of the box, is at most this [1]; numerical."""
+"""Largest distance of a node on a face from this face, relative to the side of the box [1]; numerical."""
 
 LOOSE = 1e-10
-"""A node is loose if the pivot of the factored stiffness, relative to the largest diagonal entry of the stiffness, is
-below this [1]; numerical: in lattices of tissues, the least pivot is about 1e-3."""
+"""Pivot of the factored stiffness, relative to the largest diagonal entry of the stiffness, below which a node moves
+without force [1]; numerical: in lattices of tissues, the least pivot is about 1e-3."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -72,7 +72,10 @@ def effective_moduli(network: MassSpringNetwork) -> Moduli:
 
 
 def spring_stiffness(network: MassSpringNetwork) -> csc_array:
-    """Stiffness matrix [N/m] of the springs in the drawn shape, (3 n_nodes, 3 n_nodes); NetworkError if it is flat."""
+    """Stiffness matrix of the springs in the drawn shape [N/m], (3 n_nodes, 3 n_nodes).
+
+    Raises NetworkError for a network in the plane.
+    """
     if network.dim != 3:
         raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
     body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])
@@ -139,10 +142,10 @@ def strained(K: csc_array, nodes: Floats) -> Floats:
 
 
 def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
-    """Young's moduli of a box along each axis [Pa], (3,). In each test, the four faces at the sides are free.
+    """Young's moduli of a box along each axis [Pa], (3,), from tension tests with free sides.
 
     The two pulled faces slide without friction. K, nodes: as in `effective_stiffness`. Raises NetworkError for a loose
-    node.
+    node, which moves without force.
     """
     lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
     found = np.empty(3)
@@ -166,7 +169,7 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set all displacements in moved, (3 n, k), that are not `given`, (n, 3), to their values at equilibrium.
+    """Set the displacements in `moved`, (3 n, k), that are not `given`, (n, 3), to their values at equilibrium.
 
     Raises NetworkError for a loose node, which moves without force.
     """

@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Function from points, (n, 3), to their distances from the surface of each tissue, (n_tissues, n), relative to the
-side. The surrounding tissue is not included."""
+"""Function from points, (n, 3), to their distances from the surface of each tissue, (n_tissues, n), except the
+surrounding tissue. Points and distances are relative to the side of the cube."""
 
 THICK, WALL = 0.12, 0.08
 """Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
@@ -41,7 +41,7 @@ SHIFT = 0.06
 
 
 def plain(rng: np.random.Generator) -> Structure:
-    """Only the surrounding tissue."""
+    """No structure: the cube contains only the surrounding tissue."""
     del rng
     return lambda x: np.ones((1, len(x)))
 
@@ -114,4 +114,4 @@ STRUCTURES: Mapping[str, tuple[Callable[[np.random.Generator], Structure], tuple
     "lobules": (lobules, ("fat", "gland", "fibrous")),
     "fibres": (fibres, ("fat", "fibrous")),
 }
-"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`. The first one is the surroundings."""
+"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`, the surrounding tissue first."""

@@ -1,7 +1,8 @@
 """Cholesky factorisation of a mesh matrix by nested dissection [george1973] and dense fronts [duff1983].
 
-The cells are halved repeatedly. From the smallest parts upwards, each part eliminates the nodes that belong only to its
-cells. The Schur complement of the part's other nodes is its contribution to the larger part that contains it.
+The set of cells is halved repeatedly, which gives a tree of parts. The elimination proceeds from the smallest parts to
+the whole mesh. In each part, the nodes that belong only to cells of this part are eliminated. The Schur complement of
+the other nodes of the part is then added to the matrix of the next larger part.
 """
 
 from __future__ import annotations
@@ -19,17 +20,14 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""A part is halved if its cells have more nodes in all than this [1]; numerical: with half or twice this number, the
-factorisation of a breast of 14,000 nodes takes up to a third longer."""
+"""If the cells of a part together have at most this number of nodes, the part is not halved [1]; numerical: with half
+or twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Factors of a part; own: rows that the part eliminates, (m,); others: rows coupled to these, (k,).
-
-    chol: Cholesky factor, (m, m); coupling: (m, k)
-    """
+    """Factors of a part: Cholesky factor of the eliminated rows `own`, (m, m), and coupling to `others`, (m, k)."""
 
     own: Ints
     others: Ints
@@ -80,9 +78,9 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Contribution of a part; nodes: its remaining nodes, (k,); counts: number of its cells at each such node, (k,).
+    """Contribution of a part to the next larger part: Schur complement of k nodes, lower half, (k dim, k dim).
 
-    schur: lower half of the Schur complement, (k dim, k dim)
+    nodes: the nodes that are not yet eliminated, (k,); counts: number of the part's cells at each of these nodes, (k,)
     """
 
     nodes: Ints
@@ -106,7 +104,7 @@ class _Elimination:
     fronts: list[_Front]
 
     def part(self, cells: Ints) -> _Contribution:
-        """Eliminate a part of the cells, append its fronts, and return its contribution."""
+        """Eliminate the inner nodes of a set of cells, append the factors, and return the Schur complement."""
         half = len(cells) // 2
         if half and np.diff(self.cells.indptr)[cells].sum() > LEAF:
             along = self.lowest[cells, np.ptp(self.lowest[cells], axis=0).argmax()]

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from dynamics.arrays import Floats, made_again
 
 LARGEST_M = 2.0
-"""Largest extent of a mesh [m]; choice: a longer body of tissue does not exist, so the mesh is in other units."""
+"""Largest extent of a mesh [m]; choice: no tissue is longer, so the coordinates of a larger mesh are not in metres."""
 
 FLATTEST = 1e-4
 """Least volume of an element, relative to its longest edge cubed [1]; numerical. A regular tetrahedron has 0.12."""
@@ -47,7 +47,7 @@ class TetMesh:
     Raises
     ------
     MeshError
-        If elements are flat or inverted, parts or nodes are not connected, or the extent exceeds 2 m.
+        If elements are flat or inverted, a node is in no element, the body has several parts, or exceeds 2 m.
     """
 
     nodes: Floats

@@ -1,8 +1,7 @@
 """Needle forces of contact, cutting and friction: a known input of the tissue's equations of motion.
 
-The force has three phases, as in the decomposition of measured forces by [okamura2004] and [simone2002]. Before the
-puncture the tip dents the skin like a spring. Then the tip cuts with a constant force and there is friction along the
-shaft:
+Before the puncture, the skin resists the tip like a spring. After the puncture, the tip cuts with a constant force, and
+there is friction along the shaft. This decomposition follows [okamura2004] and [simone2002].
 
     contact   F = k (depth of the tip beyond the skin)          until F reaches the puncture force
     cutting   F = f_c s(v)  at the tip, forward only
@@ -103,10 +102,11 @@ class NeedleLoad:
 def straight_insertion(
     entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
 ) -> Callable[[float], NeedlePose]:
-    """Function from time to the pose of a needle on a line, with constant speed [m/s], from the entry to a depth [m].
+    """Function from time [s] to the pose of a needle that moves on a line with constant speed [m/s].
 
-    entry: position [m], (dim,), reached at start_s; towards: a point on the line beyond the entry [m], (dim,)
-    Before start_s the needle approaches at the same speed; at the depth it stops. Raises ValueError for equal points.
+    entry: point that the tip reaches at start_s [m], (dim,); towards: a point on the line beyond the entry [m], (dim,)
+    depth_m: depth beyond the entry at which the needle stops [m]
+    Raises ValueError if entry and towards are equal.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
     length = float(np.linalg.norm(to - from_))
@@ -185,7 +185,7 @@ def distributed_force(
 ) -> Floats:
     """Known input of a filter: a measured axial force, distributed over the free nodes [N], (n_free, dim).
 
-    push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative
+    push_N: force on the tissue along the needle [N]; a sensor at the hub reads the opposite force
     Before the puncture the force acts at the entry. After the puncture, it is distributed over tip and shaft in
     proportion to the cutting force and the full friction.
     """

@@ -1,11 +1,11 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
-`dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance, and uses
-DOP853. Here the motion is given piece by piece, and a whole insertion takes milliseconds. Tests compare the results.
+`dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance. Here the
+motion is given piece by piece, and a whole insertion takes milliseconds. Tests compare the results of both.
 
 A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because these forces change
-steeply at small sliding speeds. The displacement of the points that the modes omit follows the forces without delay,
-by the residual flexibility [macneal1971].
+steeply at small sliding speeds. The modes omit a part of the points' displacement. This part follows the forces without
+delay, by the residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ SOLID_STEP = 1.0 / 960.0
 """Longest step for a continuum [s]; numerical: the error is 5 µm, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Largest number of iterations for sliding speeds, and change, relative to the slip velocity, below which they end;
-numerical."""
+"""Largest number of iterations for the sliding speeds, and change of a speed, relative to the slip velocity, below
+which the iterations end [1]; numerical."""
 
 OF_STABLE = 0.25
-"""Longest step, relative to the longest stable step; numerical: the fastest vibration loses 0.1 % per step."""
+"""Longest step for stiff springs, relative to `stable_step`; numerical: the fastest vibration loses 0.1 % per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +135,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum, FINEST_STEP for springs, or less for very stiff springs."""
+    """Longest step [s]: SOLID_STEP for a continuum, and at most FINEST_STEP for springs."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))

@@ -11,7 +11,7 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""A mode is a motion without resistance if its rate, relative to the largest rate, is below this."""
+"""Squared angular frequency of a mode, relative to the largest one, below which no stiffness resists the mode [1]."""
 
 FREE = 0.2
 """Assumed growth rate of forces, so that the response of a free body is finite [1/s]; numerical."""
@@ -43,8 +43,8 @@ class Continuum:
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue divided by mass [1/s²]; their sum is the diagonal matrix of `rates`.
     forces : (n_modes, any)
-        Accelerations of the modal coordinates by unit forces [1]: three uniform forces along the axes, then smooth
-        surface forces. A unit force, divided by the mass of the whole body, has a standard deviation of 1 m/s².
+        Modal accelerations due to force fields of 1 m/s² times the mass of the body [1]. The first three fields are
+        uniform forces along the axes, and the others are smooth surface forces.
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -87,7 +87,7 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Static displacement of the points per unit acceleration of the whole body along each axis [s²], (n, dim)."""
+        """Static displacement of the points by a unit acceleration of the body along each axis [s²], (n, dim)."""
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
@@ -98,7 +98,7 @@ class Continuum:
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """A continuum with new modes: the stiffness of each tissue is multiplied by its factor, (n_tissues,)."""
+        """The continuum, with new modes, after multiplying the stiffness of each tissue by a factor, (n_tissues,)."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes
@@ -123,8 +123,7 @@ class Continuum:
     def with_driven_wall(self, places: Floats) -> Continuum:
         """The continuum on a wall that moves as a rigid body in an unknown way; places: free nodes [m], (n_free, 3).
 
-        Six more modes shift and turn all points with the wall. The body's inertial force in this motion is treated as
-        an unknown force.
+        Six more modes shift and turn all points with the wall.
         """
         arms = (places - places.mean(axis=0)) / self.extent_m
         turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T

@@ -89,7 +89,7 @@ class MassSpringNetwork:
 
     @property
     def is_held(self) -> bool:
-        """Whether anchors hold the body in place; False if they are a wall that moves in an unknown way."""
+        """Whether anchors hold the body in place; False if the anchors are a wall that moves in an unknown way."""
         return bool(self.fixed.any()) and (self.continuum is None or bool(np.isfinite(self.continuum.masses).all()))
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:

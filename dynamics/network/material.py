@@ -11,13 +11,13 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""A direction is a dimension if the scatter of nodes along it exceeds this share of the largest scatter [1]; choice."""
+"""Least scatter of nodes along a dimension of the straightened body, relative to the largest scatter [1]; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
     """Length of the shortest path along springs between any two nodes [m], (n, n); inf if there is no path.
 
-    lengths: lengths of the springs [m], (n_springs,). If several springs join two nodes, the shortest spring counts.
+    lengths: lengths of the springs [m], (n_springs,)
     """
     n, by_length = network.n_nodes, np.argsort(lengths)
     pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
@@ -28,8 +28,8 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 def material_coordinates(network: MassSpringNetwork) -> Floats:
     """Coordinates of all nodes in the straightened body [m], (n_nodes, n), with n up to the network's dimension.
 
-    By classical multidimensional scaling, distances between the points best fit the lengths of the paths along the
-    springs in the drawn shape. A cable is a line (n = 1), even if it is drawn bent. Source: [torgerson1952].
+    Classical multidimensional scaling [torgerson1952] fits distances between the nodes to path lengths along springs in
+    the drawn shape. A cable becomes a straight line (n = 1), even if it is drawn bent.
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))

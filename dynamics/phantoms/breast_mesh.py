@@ -1,4 +1,4 @@
-"""Breast phantom as a mesh: a half ellipsoid on a chest wall, with a core of gland in fat.
+"""Breast phantom as a mesh: a half ellipsoid of fat on a chest wall, with glandular tissue in its middle.
 
 x points right, y up, z away from the chest wall, which is at z = 0. The constants below define this phantom; they are
 not settings.
@@ -22,7 +22,7 @@ CORE = 0.6
 """Extent of the gland, relative to the breast's extent [1]."""
 
 TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
-"""Tissues in the order of the regions. Moduli have the order of magnitude of measured ones [samani2007]."""
+"""Tissues in the order of the regions. Moduli have the order of magnitude of measured moduli [samani2007]."""
 
 TARGET = (0.2, 0.15, 0.45)
 """Position of the target, relative to the semi-axes."""

@@ -52,7 +52,7 @@ HIDDEN = "M2"
 
 
 def four_mass_phantom() -> MassSpringNetwork:
-    """The paper's phantom at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
+    """The paper's phantom at rest under gravity: visible masses M1, M3, M4, hidden mass M2, anchors In1, In2, In3.
 
     Rest lengths are the distances between neighbours on the grid.
     """

@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""An edge of the triangulation spans a gap, and gets no spring, if it is longer than this times the median edge [1]."""
+"""Length of an edge of the triangulation, relative to the median edge, above which the edge gets no spring [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -28,7 +28,7 @@ GRAVITY_M_S2 = 9.81
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phantom:
-    """A practice body: a network that rests as drawn, and its target.
+    """A phantom: a network that rests as drawn, and its target.
 
     target: name of the hidden target node; outer: names of the free nodes on the outside, which can have marks
     groups: group name of each spring, (n_springs,); a group contains similar springs
@@ -41,7 +41,7 @@ class Phantom:
 
 
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors or across gaps.
+    """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors and without very long edges.
 
     positions: [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
     """
@@ -62,10 +62,9 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
 
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
-    According to [vangelder1998], a spring of length l has k = E V / l², with V the volume of the adjacent simplices.
-    The sum of k l² over all springs is then E times the body's volume times the number of edges of a simplex. The
-    common stiffness gives the same sum. Under uniform stretch, the lattice is as stiff as a body with E and Poisson's
-    ratio 1/4 in space or 1/3 in the plane.
+    By [vangelder1998], a spring of length l has the stiffness E V / l², with V the volume of the simplices around it.
+    The common stiffness gives the same sum of stiffness times l². Under uniform stretch, the lattice is as stiff as a
+    body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
@@ -111,7 +110,7 @@ def elastic_body(
 
 
 def volume(positions: Floats) -> float:
-    """Volume of the convex hull of the nodes [m³], or its area in the plane [m²]; NetworkError if it has none."""
+    """Volume [m³] or, in the plane, area [m²] of the nodes' convex hull. Raises NetworkError if the hull is flat."""
     return float(_hull(positions).volume)
 
 

@@ -1,4 +1,4 @@
-"""Common part of the methods for comparison. They differ only in how they predict and update the state."""
+"""Base class of the methods for comparison, which differ only in how they predict and update the state."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    The initial mean is rest. The initial covariance is the one that pokes cause within the time `settings.lost_s`.
-    Before the first marks the state does not change. No mark is rejected.
+    The initial mean is the state at rest. The initial covariance is due to short forces (pokes) on the marked nodes
+    during `settings.lost_s`. Before the first marks, the state does not change. No mark is rejected.
 
     State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last used mark [s].
     """
@@ -49,14 +49,14 @@ class Baseline(ABC):
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update with z = x[rows] + noise, (m,); R: noise covariance, (m, m). Returns the NIS, if it is computed."""
+        """Update with a measurement z = x[rows] + noise, (m,); R: noise covariance, (m, m). Returns the NIS or None."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the first n states, which include the free coordinates."""
 
     def _poked(self) -> float | None:
-        """Probability that an external force acts; None for a method without modes."""
+        """Probability that a short force acts; None for a method that does not estimate this probability."""
         return None
 
     def run(

@@ -15,16 +15,14 @@ from estimators.tissue.settings import FilterSettings
 
 N_MEMBERS = 200
 """Size n of the ensemble. The relative error of standard deviations is 1 / sqrt(2 n) = 5 %. With nine members per
-state, localisation is unnecessary."""
+state variable, localisation is unnecessary."""
 
 
 class EnsembleKalmanFilter(Baseline):
-    """Ensemble transform Kalman filter that assumes at all times that pokes act.
+    """Ensemble transform Kalman filter that assumes at all times that short forces (pokes) act.
 
     Noise is drawn at each step of at most 1/120 s. The update gives the ensemble the mean and covariance of the Kalman
-    update, without perturbed marks, inflation or localisation. Source: [hunt2007], section 2.3. In place of an
-    eigenvalue problem of the ensemble's size, it uses a singular value decomposition of the ensemble's marked
-    coordinates.
+    update, without perturbed marks, inflation or localisation. Source: [hunt2007], section 2.3.
 
     State: members (n_members, dim_x), besides the state of `Baseline`.
     """

@@ -24,9 +24,10 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 
 
 class ExtendedKalmanFilter(Baseline):
-    """Extended Kalman filter that assumes at all times that pokes act. Each step of at most 1/120 s is linearised.
+    """Extended Kalman filter that assumes at all times that short forces (pokes) act.
 
-    Source: [barshalom2001], section 10.3; the update has Joseph's form.
+    The motion is linearised at each step of at most 1/120 s. Source: [barshalom2001], section 10.3. The update has
+    Joseph's form.
 
     State: x (dim_x,) and P (dim_x, dim_x), besides the state of `Baseline`.
     """

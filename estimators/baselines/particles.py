@@ -1,4 +1,4 @@
-"""Particle filter of the tissue, large enough to approximate the optimal filter."""
+"""Particle filter of the tissue, with enough particles to approximate the optimal filter."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Number of particles: more than the number of histories of two modes over six intervals, 2^6 = 64."""
+"""Number of particles: more than the 2^6 = 64 histories of two modes over six intervals."""
 
 BRANCH_S = 1.0 / 30.0
 """Interval after which each particle is replaced by its successors [s]; choice."""
 
 
 class ParticleFilter(Baseline):
-    """Particle filter whose particles are histories of the force mode: calm or poked.
+    """Rao-Blackwellised particle filter [doucet2000]. A particle is a history of whether a short force acts.
 
-    Rao-Blackwellised [doucet2000]: for a given history, the state is nearly Gaussian, so each particle has an unscented
-    filter of the state. Particles of the state itself would degenerate, because its 16 dimensions have hardly any noise
-    while no poke acts. Each particle has one weighted successor for each mode. At most n_particles successors are kept,
-    without bias or duplicates [fearnhead2003]. `Disturbances` gives the mean durations of the modes.
+    For a given history, the state is nearly Gaussian. Each particle therefore has an unscented filter of the state.
+    Each particle has two weighted successors, one with a short force (mode 1) and one without (mode 0). At most
+    n_particles successors are kept, without bias or duplicates [fearnhead2003]. `Disturbances` gives the mean durations
+    of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -117,7 +117,7 @@ class ParticleFilter(Baseline):
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
     """Indices of at most n weights to keep, and their new weights. The selection is unbiased with the least variance.
 
-    A weight above a threshold c stays unchanged. A weight w below c is kept with probability w / c and becomes c.
+    A weight above a threshold c stays unchanged. A weight w below c is set to c with probability w / c, else omitted.
     Source: [fearnhead2003].
     """
     alive = np.flatnonzero(weights > 0.0)
@@ -125,7 +125,7 @@ def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray
         return alive, weights[alive] / weights.sum()
     ordered = np.sort(weights)
     below = np.cumsum(ordered)
-    # c with sum of min(w / c, 1) = n: the weights below the k largest have the sum (n - k) c
+    # c solves sum(min(w / c, 1)) = n: if k weights are above c, the sum of the other weights is (n - k) c
     larger = np.arange(len(weights))[::-1]
     thresholds = below / np.maximum(n - larger, 1)
     upper = np.append(ordered[1:], np.inf)

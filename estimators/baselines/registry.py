@@ -29,10 +29,10 @@ class UnknownMethodError(LookupError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """Inputs that all methods for comparison get.
+    """Inputs of every method for comparison.
 
     target: name of a node, or a point relative to nodes; marked: nodes whose marks are measured
-    uncertainty, n_calibration: as in `TissueFilter`
+    uncertainty: uncertainty of the constants; n_calibration: number of the camera's calibration errors
     seed: seed for methods that draw random numbers; fixes: direct measurements of the target, only for the smoother
     """
 
@@ -57,7 +57,7 @@ class TrackingProblem:
 
 
 class Method(Protocol):
-    """Protocol of a method for comparison in its initial state."""
+    """Protocol of a method for comparison."""
 
     def run(
         self,
@@ -79,11 +79,11 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
         *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes
     ),
 }
-"""Factories by name, in the order of tables and plots."""
+"""Functions that make the methods, by name, in the order of tables and plots."""
 
 
 def make_method(name: str, problem: TrackingProblem) -> Method:
-    """Make the method with this name, in its initial state; raises UnknownMethodError."""
+    """Make the method with this name. Raises UnknownMethodError."""
     if name not in METHODS:
         raise UnknownMethodError(f'method: expected one of {", ".join(METHODS)}, found "{name}"')
     return METHODS[name](problem)

@@ -27,16 +27,16 @@ def posterior_bound(
     *,
     poked: Sequence[str] = (),
 ) -> Floats:
-    """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
+    """Lower bound on the covariance of any unbiased estimate of the state at each time, (n_times, dim_x, dim_x).
 
     states: true states, (n_times, n_state); times_s: their times [s], between which the motion must be nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if no mark is visible
-    mode: spectral densities of the unknown forces: white noise on all free nodes, and pokes on the nodes `poked`
+    mode: densities of the unknown forces, which are white noise on all free nodes and short forces on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    For Gaussian noise, the recursion of [tichavsky1998] is a Kalman filter with the transition matrices of the true
-    states. Its covariance form is used, because only some states have noise. The result is the bound for one
-    trajectory. The mean of the bounds of several trajectories is close to their joint bound.
+    For Gaussian noise, the recursion of [tichavsky1998] is the covariance recursion of a Kalman filter with the
+    transition matrices of the true states. The result is the bound for one trajectory. The mean of the bounds of
+    several trajectories is close to their joint bound.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -68,8 +68,8 @@ def posterior_bound(
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
     """Transition matrix and noise covariance, (dim_x, dim_x) each, over dt [s] from a state of the network, (n_state,).
 
-    With A the linearised motion at this state, the transition matrix is exp(A dt). Simpson's rule gives the noise
-    covariance, the integral of exp(A s) D exp(A' s) with the noise density D.
+    The transition matrix is exp(A dt), with A the matrix of the motion linearised at this state. The noise covariance
+    is the integral of exp(A s) D exp(A' s), with D the noise density, by Simpson's rule.
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

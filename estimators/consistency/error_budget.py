@@ -1,4 +1,4 @@
-"""Error budget of the target: covariances at rest due to errors that innovations do not show.
+"""Error budget of a target at rest: covariances due to errors that do not show in the innovations.
 
 An estimate that follows its marks (m) places the hidden nodes (h) where the model predicts them from the marks. An
 error s of the marks' positions therefore moves the hidden nodes by -Khh^-1 Khm s. An unmodelled force g moves them by

@@ -1,4 +1,4 @@
-"""Consistency check without ground truth: each mark is predicted as if it were hidden."""
+"""Consistency check without ground truth: each mark is predicted by a filter that does not use it."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class LeaveOneOutCheck:
 class LeaveOneOut:
     """Filter of the target, and for each marked node a further filter that predicts the node's mark without using it.
 
-    If the errors of these predictions exceed their covariance, the model is wrong, also at the target. Therefore a
-    factor on the predicted covariance is estimated by maximum likelihood of the errors. The target's covariance is
+    If the errors of these predictions exceed their covariance, the model is wrong, also at the target. A factor on the
+    covariance of the predictions is therefore estimated by maximum likelihood. The covariance of the target is
     multiplied by this factor, which is at least 1.
 
-    State: tissue, the target's filter; without, for each marked node the filter that does not use its mark; scale, the
-    factor on the target's covariance; checks, the results of the last frame by node.
+    State: the filter of the target; for each marked node the filter that does not use its mark; the factor on the
+    covariance; the checks of the last frame, by node.
     """
 
     def __init__(
@@ -61,11 +61,11 @@ class LeaveOneOut:
 
     @property
     def scale(self) -> float:
-        """Factor on the target's covariance, at least 1."""
+        """Factor by which the target's covariance is multiplied, at least 1."""
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
-        """Predict all filters at an exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
+        """Predict all filters at an exposure time [s]. Raises ValueError if `TissueFilter.predict` raises it."""
         self.tissue.predict(time_s)
         for other in self.without.values():
             other.predict(time_s)
@@ -75,9 +75,9 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """As `update`, for marks that the target's filter has already used; estimate: result of that filter's update.
+        """Check marks that the target's filter has already used, and scale the covariance of the estimate.
 
-        Marks that the target's filter rejected are not checked.
+        estimate: result of the target's filter for these marks. Marks that the target's filter rejected are omitted.
         """
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
@@ -100,8 +100,8 @@ class LeaveOneOut:
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
     """Contribution of calibration errors to the covariance of a mark's prediction error [m²], (dim, dim).
 
-    The filter and the mark have the same calibration errors. Let C and F be the sensitivities of the filter's
-    prediction and of the mark to these errors. Then the contribution is (C + F)(C + F)' - C C'.
+    The calibration errors affect the filter's prediction with the sensitivity C, and the mark with the sensitivity F.
+    The contribution is therefore (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

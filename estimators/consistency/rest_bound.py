@@ -13,14 +13,14 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""If the bound never becomes steady, it is evaluated at this time [s]. Example: marks that do not determine the
-position of a part of the body."""
+"""Time at which the bound is evaluated if it never becomes steady [s]. Example: the marks do not determine the position
+of a part of the body."""
 
 SETTLED = 1e-6
-"""The bound is steady if its relative change, when the number of frames is doubled, is below this; numerical."""
+"""Relative change of a steady bound when the number of frames is doubled [1]; numerical."""
 
 STATIONARY_S = 60.0
-"""Time after which the motion of a body with friction counts as stationary [s]; numerical."""
+"""Time after which the motion of a body with friction is assumed to be stationary [s]; numerical."""
 
 PASSES = 20
 """Number of fixed-point iterations; each iteration reduces the change to a third or less; numerical."""
@@ -38,10 +38,10 @@ def resting_bound(
 
     marks: covariance of each mark [m²], (dim, dim), by node; these marks are visible in every frame
     interval_s: time between frames [s]
-    mode: spectral densities of the unknown forces: white noise on all free nodes, and pokes on the nodes `poked`
+    mode: densities of the unknown forces, which are white noise on all free nodes and short forces on the nodes `poked`
 
-    The bound is the limit of the recursion in `posterior_bound`. A doubling algorithm computes it: k steps give the
-    bound after 2^k frames [anderson1978]. Constants are assumed to be exact; `friction_as_drag` replaces dry friction.
+    The bound is the limit of the recursion in `posterior_bound`. A doubling algorithm computes this limit: k steps give
+    the bound after 2^k frames [anderson1978]. Constants are assumed to be exact. `friction_as_drag` replaces friction.
     Raises NetworkError if there is no rest shape.
     """
     body, rest = supported(network), rest_shape(network)
@@ -68,10 +68,10 @@ def resting_bound(
 def friction_as_drag(
     network: MassSpringNetwork, rest: Floats, mode: ForceMode, poked: Sequence[str]
 ) -> MassSpringNetwork:
-    """The network with viscous drag in place of dry friction: friction divided by the node's root mean square speed.
+    """The network with viscous drag in place of dry friction, by statistical linearisation [gelb1974].
 
-    This is a statistical linearisation [gelb1974], computed by fixed-point iteration. The speeds are those of the
-    linear motion about a rest shape [m], (n_nodes, dim), under the unknown forces of `mode`.
+    The drag of a node is its friction divided by its root mean square speed in the linear motion under the forces of
+    `mode`. rest: rest shape about which the motion is linear [m], (n_nodes, dim)
     """
     smooth = replace(network, friction=np.zeros(network.n_nodes))
     if not network.friction[network.free].any():

@@ -27,7 +27,7 @@ def energy_score(
 ) -> Floats:
     """Energy score of Gaussian predictions of points, (n,), in the points' unit; lower is better.
 
-    The score is E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'. In one dimension it is the CRPS.
+    The score is E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'. In one dimension it estimates `crps_normal`.
     means, truths: (n, d); covs: (n, d, d). Source: [gneiting2007], equation (22).
     Raises numpy's LinAlgError for an invalid covariance.
     """
@@ -35,7 +35,7 @@ def energy_score(
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))
     drawn = np.einsum("nij,kj->nki", roots, rng.standard_normal((n_draws, mean.shape[1])))
     distance = np.linalg.norm(drawn - (truth - mean)[:, None], axis=2).mean(axis=1)
-    # each draw against the next: independent pairs
+    # pairs of each draw and the next draw, which are independent
     apart = np.linalg.norm(drawn - np.roll(drawn, 1, axis=1), axis=2).mean(axis=1)
     return np.asarray(distance - 0.5 * apart)
 

@@ -1,18 +1,17 @@
-"""Test whether pokes, breathing and the stated errors explain the mean external force over a second.
+"""Test whether short forces, breathing and the stated errors explain the mean external force over a second.
 
-If a spring is cut or a mark is moved, a filter follows the marks with a persistent force. Its innovations then become
+If a spring is cut or a mark is moved, a filter explains the marks by a persistent force. Its innovations then become
 small, although its estimate of the hidden target is wrong. The mean external force shows such a fault. Over a second,
-the mean acceleration of a body is almost zero, so the mean external force on the marked nodes balances springs and
-weight. This force is the mean, over the frames, of
+the mean acceleration of a body is almost zero. The mean external force on the marked nodes therefore balances springs
+and weight. It is the mean, over the frames, of
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
-with K the stiffness at rest, and F the forces of springs and weight, on marked (m) and hidden (h) nodes (static
-condensation). F is computed with the marked nodes at their measured positions z, and with the hidden nodes at
-rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest). Far from rest, f is still valid, while the linear
-form would treat a spring's rotation as stretch. A chi-square test compares the mean of f with its covariance under a
-right model. This covariance has three causes: pokes, which average out; a force on all nodes in proportion to their
-mass, as by breathing or a tilt; and the assumed errors of marks, camera calibration and constants.
+Here K is the stiffness at rest, and F is the force of springs and weight. The indices m and h stand for marked and
+hidden nodes (static condensation). F is computed with the marked nodes at their measured positions z, and with the
+hidden nodes at rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest). A chi-square test compares the mean
+of f with its covariance under a right model. This covariance has three causes: short forces, which average out; forces
+on all nodes in proportion to their masses, as in breathing; errors of marks, camera calibration and constants.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance.
 
-    mean_s: time over which the force is averaged [s]; choice: half of it is too short for pokes to average out; twice
+    mean_s: time over which the force is averaged [s]; choice: in half this time, short forces do not average out; twice
         this time delays the report of a fault that single frames do not show
-    least_share: least share of mean_s that the frames cover; least share of frames in which a node is seen [1]; choice
-    often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
+    least_share: share of mean_s that the frames must span; share of frames that must show a tested node [1]; choice
+    often: expected share of the time in which a short force acts on a node [1]; choice: 0.3 s of every 1.8 s
     """
 
     mean_s: float = 1.0
@@ -60,7 +59,7 @@ BALANCE = BalanceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """Mean external force that explains the measured positions.
+    """Mean external force on the marked nodes, which the measured positions imply.
 
     nodes: the k marked nodes that were visible; force: mean external force on each of these nodes [N], (k, dim)
     cov: covariance of this force if the model is right [N²], (k dim, k dim)
@@ -85,7 +84,7 @@ each independent calibration error."""
 class StaticBalance:
     """Test of a body's static balance from its marks, frame by frame.
 
-    If an outside force may drag the body for a long time, the test gives no result.
+    If a force may drag a node for a long time (`TissueFilter.may_be_led`), the test gives no result.
 
     uncertainty: uncertainty of the constants; calibration: calibration errors of the camera; None: no such errors
     State: the marks of the last frames; cached matrices for each set of visible nodes.
@@ -99,7 +98,7 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.network
-        # a force may hold a led body (one whose nodes are pulled along) for any time, and its links rotate
+        # a force that drags a node may last for any time, and the springs then rotate
         self._of = None if tissue.may_be_led else tissue.settings.poked
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
@@ -117,7 +116,7 @@ class StaticBalance:
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after a frame at a time [s] with these marks; None until enough marks were visible."""
+        """The balance after a frame at a time [s]; None if too few of the last frames show enough of the marks."""
         if self._of is None:
             return None
         s = self._settings
@@ -185,7 +184,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """Marks of a frame by node, and the external forces that were computed for sets of nodes."""
+    """Marks of a frame, by node; cached external forces, by set of nodes."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -194,11 +193,11 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body, statically condensed to the m coordinates of the visible nodes.
+    """A body, statically condensed to the coordinates m of the visible nodes; h: coordinates of the hidden nodes.
 
-    m, h: indices of the coordinates of visible and of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
-    stiffness: Kc [N/m], (m, m); forces: condensed forces per standard deviation of each constant [N], (m, n)
-    marks: shifts of visible coordinates per standard deviation of each calibration error [m], (m, k)
+    to_hidden: Kmh Khh^-1 [1], (m, h); stiffness: Kc [N/m], (m, m)
+    forces: change of the condensed forces by one standard deviation of each constant [N], (m, n)
+    marks: shift of the coordinates m by one standard deviation of each calibration error [m], (m, k)
     """
 
     m: NDArray[np.int64]

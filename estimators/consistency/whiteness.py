@@ -24,7 +24,8 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
     """P-value of the hypothesis that a series (n, m) is white, from its autocorrelations at lags 1 to n_lags.
 
     For one coordinate this is the test of Ljung and Box [ljung1978]. For several coordinates it is Hosking's test
-    [hosking1980], whose result does not depend on their scale or rotation. Raises ValueError as `autocorrelation` does.
+    [hosking1980], whose result does not depend on their scale or rotation. Raises ValueError if n_lags is below 1, or
+    not below n.
     """
     z = _standardised(series, n_lags)
     n, m = z.shape
@@ -37,7 +38,7 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 
 
 def effective_count(series: ArrayLike) -> float:
-    """Effective sample size of a stationary series (n,): number of independent values whose mean is as accurate.
+    """Effective sample size of a stationary series (n,): number of independent values with an equally accurate mean.
 
     It follows from the initial positive sequence of autocovariances [geyer1992], section 3.3: sums of adjacent pairs
     are added until one sum is not positive. The result lies between 1 and n; for a constant series it is 1.

@@ -12,16 +12,16 @@ from estimators.guidance.settings import AdviceSettings
 
 
 class AbortWatch:
-    """State machine that tracks whether a needle is inside the tissue, and gives ABORT when the needle has to stop.
+    """State machine that replaces advice by ABORT if a needle inside the tissue has to stop.
 
-    Outside the tissue, advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. If the needle entered without a GO in
-    the last `AdviceSettings.abort_s`, ABORT replaces any advice. After a GO, ABORT replaces WAIT and REALIGN if the hit
-    probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
+    If the needle entered at most `AdviceSettings.abort_s` after a GO, ABORT replaces NO_GUIDANCE. It also replaces WAIT
+    and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`. If the needle entered
+    without such a GO, ABORT replaces any advice. Once GO has lasted for `AdviceSettings.abort_s`, ABORT ends.
 
-    ABORT ends when the needle is outside, or when GO has lasted for `AdviceSettings.abort_s`. Exception: if the needle
-    was inside from the start and got no GO, any advice except NO_GUIDANCE ends ABORT once it has lasted for this time.
+    If the needle was inside at the first call, ABORT replaces only NO_GUIDANCE, until a first GO. Any other advice that
+    lasts for `AdviceSettings.abort_s` ends this ABORT. The advice for a needle outside the tissue is not changed.
 
-    State: whether the needle is inside, how it entered, time of the last GO, and since when the advice may end ABORT.
+    State: whether the needle is inside, how it entered, time of the last GO, start of the advice that may end ABORT.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class AbortWatch:
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The guidance at now_s [s]. If the needle has to stop, ABORT replaces its advice."""
+        """The guidance at now_s [s], with ABORT as its advice if the needle has to stop."""
         inside = insertion.depth_m > 0.0
         if not inside:
             self._inside, self._followed_go, self._early, self._aborts = False, False, False, False

@@ -45,9 +45,10 @@ class Advice(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """Predicted results of insertions along the present direction; starts_s: start times of the insertions [s], (k,).
+    """Predicted results of k insertions along the present direction; starts_s: start times [s], (k,).
 
-    arrivals_s: times at which the notch is beside the target [s], (k,); inf for times after the end of the path
+    arrivals_s: times at which the part of the needle that has to hit is as deep as the target [s], (k,); inf if the
+        predicted path of the target ends earlier
     probabilities: hit probabilities [1], (k,); 0 if the needle does not arrive
     """
 
@@ -98,7 +99,7 @@ class Prospect:
 
     probability: hit probability of an insertion now along the present direction; 0 if the needle never arrives
     arrives: whether the needle arrives before the predicted path ends; reach_s: duration of this path [s]
-    best_in_s, best_probability: time from now until the best start [s], and hit probability of this start
+    best_in_s, best_probability: time from now until the best start [s], and hit probability of an insertion then
     turn_rad: angle of a turn towards the predicted target [rad]; turned_probability: hit probability after this turn
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
     behind: whether the target lies behind the entry, so that the needle cannot reach it along the present direction
@@ -217,11 +218,9 @@ def guide(
 ) -> Guidance:
     """Advice from a filter and its last estimate.
 
-    If the estimate is not healthy, no path is predicted, because the prediction takes most of the time.
-
     now_s: time of the advice [s]; default: time of the estimate
-    path_at: function that predicts the path at given times [s], (n,), or at more times. Default: the path of a
-        `TissueFilter` comes from tables, which the first call computes; another source uses `PathSource.predict_path`
+    path_at: function from times [s], (n,), to a predicted path that covers these times. Default: `kept_path` for a
+        `TissueFilter`, and `PathSource.predict_path` for any other filter
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -276,7 +275,7 @@ def advise(
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
     reach_s = float(path.times_s[-1] - now_s)
-    if not np.isfinite(arrivals[0]):  # a needle that starts later is behind this one, and does not arrive either
+    if not np.isfinite(arrivals[0]):  # needles that start later do not arrive either
         what, reason = decide(Prospect(0.0, False, reach_s, 0.0, 0.0), settings)
         return Guidance(what, reason, outlook=outlook)
     beside = aims[0] - insertion.entry

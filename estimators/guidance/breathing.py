@@ -6,9 +6,9 @@ prediction is the mixture over all periods. Errors of neighbouring frames are co
 to the number of independent errors.
 
 After a shift, a breath hold or a cough, the model may no longer hold. Therefore each estimate is compared with the
-model's prediction before it is added to the track. The alternative hypothesis is that the target departs from the model
-by a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds. If this
-probability is small, a new track begins [adams2007].
+model's prediction before it is added to the track. In the alternative hypothesis, the target's distance from the
+prediction is a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds.
+If this probability is small, a new track begins [adams2007].
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information matrix, with which the first frame determines a fit; numerical. It is at most 0.001
-of the information of one frame. Half or twice this value changes no result of guidance by 0.2 %."""
+"""Regularisation of the information matrix, so that one frame is enough for a fit; numerical: at most 0.001 of the
+information of one frame. Half or twice this value changes no result of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +33,11 @@ class BreathingSettings:
     n_periods: number of periods in the grid, evenly spaced in frequency; choice
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
-    alike_s: correlation time of the filter's errors, above which two errors count as independent [s]; choice
-    cycles: number of periods that the track must contain before a breath is reported; choice
-    explained: share of the track's variance that a fit must explain before a breath is reported; choice
+    alike_s: correlation time of the filter's errors: two errors with a longer interval are independent [s]; choice
+    cycles: number of periods that the past estimates must cover before a breath is reported; choice
+    explained: share of the estimates' variance that a fit must explain before a breath is reported; choice
     lasting_s: mean time until a target departs from the model [s]; choice
-    forgotten: a new track begins if the probability that the model holds is below this value; choice
+    forgotten: probability that the model holds, below which all past estimates are discarded; choice
     """
 
     shortest_s: float = 2.8
@@ -67,9 +67,10 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """Breath fitted to a track: period and its standard deviation [s], scatter of the target about the fit [m].
+    """Breath fitted to past estimates: mean and standard deviation of the period [s].
 
-    explained: share of the track's variance that the fit explains; weights: probability of each period, (n_periods,)
+    scatter_m: standard deviation of the target about the fit [m]; weights: probability of each period, (n_periods,)
+    explained: share of the estimates' variance that the fit explains
     """
 
     period_s: float
@@ -82,8 +83,8 @@ class Breath:
 class Breathing:
     """Predictor of a breathing target, updated frame by frame with a filter's estimates.
 
-    State: sums over the track with exponential forgetting; times of the first and the last estimate; the last fit; the
-    probability that the model holds; the target's departure from the model [m], (dim,), and its covariance.
+    State: sums over past estimates with exponential forgetting; times of the first and the last estimate; the last fit;
+    the probability that the model holds; the target's departure from the model [m], (dim,), and its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -95,7 +96,7 @@ class Breathing:
         self._begin()
 
     def _begin(self) -> None:
-        """Begin a new track."""
+        """Discard all past estimates."""
         s = self.settings
         n = 2 * s.harmonics + 1
         self._first_s = np.inf
@@ -132,7 +133,7 @@ class Breathing:
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
-        """The breath fitted to the track; None if the track is too short or not periodic."""
+        """The breath fitted to past estimates; None if they cover too few periods or are not periodic."""
         s = self.settings
         span = self._last_s - self._first_s
         if span < s.cycles * s.shortest_s:
@@ -161,7 +162,7 @@ class Breathing:
         return means + self._origin, covs
 
     def holds(self, times_s: Floats) -> Floats:
-        """Probability that the model still holds at later times [s], (k,); 0 if there is no breath."""
+        """Probability that the model still holds at later times [s], (k,); 0 if `breath` returns None."""
         if self.breath() is None:
             return np.zeros(len(times_s))
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
@@ -169,8 +170,8 @@ class Breathing:
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
         """Update the probability that the model holds, and the target's departure from the model.
 
-        A Kalman filter tracks the departure as a random walk, whose variance grows by the track's variance in each
-        period. All estimates within `alike_s` together have the weight of one independent estimate.
+        A Kalman filter tracks the departure as a random walk. In each period, the variance of this random walk grows by
+        the variance of the past estimates. All estimates within `alike_s` have the weight of one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s

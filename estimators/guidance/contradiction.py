@@ -21,11 +21,11 @@ class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
     away_s: if a mark was not used for longer than this time, it is tested when it is used again [s]; choice
-    improbable: p-value of innovations below which they contradict the model [1]; choice
-    unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: a common shift of all marks is reported if the likelihood of one wrong mark, divided by the likelihood of
-        a common shift, is below this value [1]; 0: not tested. Measured: the ratio is at least 1e-4 in frames with
-        pokes of 15 m/s². With marks accurate to 1 mm, it is at most 1e-7 after a shift by 8 mm
+    improbable: p-value below which innovations contradict the model [1]; choice
+    unbalanced: p-value below which a persistent force contradicts the model, see `Balance.probability` [1]; choice
+    together: likelihood ratio of one wrong mark to a common shift of all marks, below which the shift is reported [1];
+        0: no shift is reported. Measured: the ratio is at least 1e-4 while a short force moves a node with 15 m/s². It
+        is at most 1e-7 after a shift by 8 mm of marks that are accurate to 1 mm
     """
 
     away_s: float = 0.2
@@ -54,16 +54,15 @@ class Contradiction:
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Update with the estimate of a frame, and with the static balance of its marks if it was computed."""
+        """Update with the estimate of a frame; balance: static balance of the marks of this frame, if computed."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
 
     def _together(self, estimate: TargetEstimate) -> str | None:
-        """The reason, if a common shift of all marks explains the innovations, and an error of a single mark does not.
+        """The reason if a common shift of all marks explains the innovations and an error of one mark does not.
 
-        A moved camera causes such a shift, tissue does not. There is no test during initialisation, because the
-        tissue's velocity is then unknown.
+        During initialisation the result is None, because the tissue's velocity is then unknown.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

@@ -1,10 +1,10 @@
 """Probability that a needle samples a lesion, and the aim with the highest probability.
 
-Target and tip are Gaussian and independent. The position of the sampling point relative to the target is therefore
-Gaussian, and its covariance is the sum of both covariances. A linear map turns the lesion into the unit ball. The
+Target and tip are Gaussian and independent. The position of the tip relative to the target is therefore Gaussian, and
+its covariance is the sum of the covariances of target and tip. A linear map turns the lesion into the unit ball. The
 squared distance of a point from the centre of this ball is a generalised chi-square variable [imhof1961].
-`estimators.guidance.kernels` computes the hit probability of a point or of a core. It uses error functions along the
-needle and Gauss-Legendre sums across the needle.
+`estimators.guidance.kernels` computes the hit probability of a point of the needle or of a length of the notch. It uses
+error functions along the needle and Gauss-Legendre sums across the needle.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """Best position of the notch's middle [m], (dim,), or of the tip if the tip has to hit; hit probability there."""
+    """Best position [m], (dim,), of the tip or notch, whichever has to hit, and hit probability at this position."""
 
     point: Floats
     probability: float
@@ -32,10 +32,10 @@ class Aim:
 def hit_probability(
     target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> float:
-    """Probability that the part of the needle that `Needle.hit` names lies in the lesion.
+    """Hit probability: the probability that the lesion contains the part of the needle given by `Needle.hit`.
 
-    The error is below 1e-5. For a core whose standard deviations in two directions differ by a factor of dozens, the
-    error is below 2e-4.
+    The numerical error is below 1e-5. If `Needle.hit` is `Hit.CORE` and the standard deviations along two directions
+    differ by a factor of dozens, the numerical error is below 2e-4.
 
     target: mixture from `TissueFilter.predict_modes`. A single Gaussian would make the result too low for needles that
         are aimed at the target, and too high for needles that are aimed far from it.
@@ -61,8 +61,8 @@ def best_aim(
 
     tip_cov: covariance of the tip [m²], (dim, dim); axis: direction of the needle, (dim,)
     For a Gaussian target, the best aim is the mean, because the set of positions that hit is convex and symmetric
-    [anderson1955]. For a mixture, the hit probability may have several peaks. Ascents then start from each mean and
-    from the overall mean, and the result is the best of them.
+    [anderson1955]. For a mixture, the hit probability may have several maxima. Therefore one search starts from each
+    mean and one from the overall mean, and the result is the best aim of all searches.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)

@@ -1,9 +1,9 @@
 """Compiled integrals of a Gaussian over a lesion, and insertions towards a predicted path of the target.
 
-A linear map turns the lesion into the unit ball: y are coordinates across the needle, a is the coordinate along the
-needle. A notch of length l has a core of at least L in the ball if |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and
-|y|² <= 1 - L²/4. For a point, l = L = 0. The inner integral, over a, is a difference of error functions. Integrals over
-y are Gauss-Legendre sums over an angle in which h is smooth at the ball's rim.
+A linear map turns the lesion into the unit ball. A notch of length l has its middle at the coordinate a along the
+needle and at the coordinates y across it. A length of at least L of this notch lies in the ball if |y|² <= 1 - L²/4 and
+|a| <= h + l/2 - L with h = sqrt(1 - |y|²). For a point, l = L = 0. The integral over a is a difference of error
+functions. The integral over y is a Gauss-Legendre sum over an angle, because h is a smooth function of this angle.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Number of standard deviations beyond which a Gaussian is neglected. The probability beyond it is 8e-11."""
+"""Distance from the mean, in standard deviations, beyond which a Gaussian is neglected. This omits 8e-11 of it."""
 
 
 STEEP, PARTS = 60.0, 15
-"""An interval is split if the integrand changes by more standard deviations than this; largest number of parts."""
+"""If the integrand changes by more than STEEP standard deviations, the interval is split into up to PARTS + 1 parts."""
 
 
 @njit(cache=True, nogil=True)
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc`, for the unit ball in space; m, s, slope, (2,): for two independent coordinates across the needle."""
+    """Integral of `_disc` over a second coordinate across the needle; m, s, slope, (2,): as in `_disc`."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a notch has at least the length `core` in the lesion or, for length 0, its middle.
+    """Probability that a length of at least `core` of a notch lies in the lesion; `length` 0: the notch is a point.
 
     offset (d,), cov (d, d): mean and covariance of the notch's middle relative to the target
     axis (d,): unit vector along the needle; to_ball (d, d): linear map from the lesion to the unit ball
@@ -228,7 +228,7 @@ def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Results of `hit`, (k,), for several offsets (k, d) and covariances (k, d, d)."""
+    """Probabilities of `hit`, (k,), for k offsets (k, d) and covariances (k, d, d)."""
     found = np.empty(offsets.shape[0])
     for i in range(found.shape[0]):
         found[i] = hit(offsets[i], covs[i], axis, to_ball, length, core)
@@ -237,7 +237,7 @@ def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
-    """Probability, (k,), that a point with mean offset (k, d) [m] and covariance (k, d, d) lies in the ball."""
+    """Probabilities, (k,), that k points lie in a ball; offsets (k, d), covs (k, d, d): relative to its centre."""
     d = offsets.shape[1]
     return hit_each(offsets, covs, np.zeros(d), np.eye(d) / radius, 0.0, 0.0)
 
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is beside the target: along the axis or, if `aimed`, towards the target."""
+    """Depth of the tip at which the notch is as deep as the target: along the axis or, if `aimed`, to the target."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])
@@ -281,7 +281,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
-    """Interval and time in which a tip that starts at `start` first reaches the wanted depth; (-1, inf) if never."""
+    """Index of the path's interval, and time, at which the tip first reaches the depth of `_wanted`; else (-1, inf)."""
     times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
@@ -310,8 +310,8 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
     """Results of insertions that begin at given times, (k,).
 
-    Returns arrival times (k,), depths (k,), the target's positions at arrival, (k, d), and hit probabilities, (k,). If
-    a needle does not arrive, its arrival time is inf, and its hit probability is 0.
+    Returns, for each insertion, arrival time (k,), depth of the tip (k,), position of the target at arrival (k, d) and
+    hit probability (k,). If a needle does not arrive, its arrival time is inf, and its hit probability is 0.
 
     path: times (n,), overall means (n, d) of the target, and c parts of the mixture: weights (n, c), means relative to
         the overall mean (n, c, d), covs (n, c, d, d)

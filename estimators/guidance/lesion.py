@@ -14,7 +14,7 @@ from estimators.arrays import Floats
 class Lesion:
     """A lesion around the target: the ellipsoid of all points x with ‖axes⁻¹ (x - target)‖ <= 1.
 
-    axes: matrix whose columns are the semi-axes [m], (dim, dim). For a ball, it is the identity times the radius.
+    axes: matrix whose columns are the semi-axes [m], (dim, dim); for a ball, the identity times the radius
     Raises ValueError if the semi-axes do not span the plane or space.
     """
 

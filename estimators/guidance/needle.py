@@ -1,4 +1,4 @@
-"""The needle: its notch, its definition of a hit, the uncertainty of its tip, its position and speed."""
+"""Needle: dimensions, definition of a hit, uncertainty of the tip, position and speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine of the angle between tracked and stated direction that the computation of depth uses; choice."""
+"""Lower limit of the cosine between tracked and stated direction in the computation of the depth; choice."""
 
 
 class Hit(StrEnum):
@@ -21,7 +21,7 @@ class Hit(StrEnum):
     NOTCH = "NOTCH"
     """The middle of the notch."""
     CORE = "CORE"
-    """A length of at least core_m of the notch, and so of the tissue core that the notch cuts."""
+    """At least the length core_m of the notch. The tissue core then contains this length of the lesion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class Needle:
     hit: part of the needle that has to lie in the lesion; source: needle.toml
     notch_offset_m: distance from the tip back to the notch [m]; source: 5 mm, the length behind the tip from which a
         biopsy gun takes no sample, [skiparea]
-    notch_length_m: length of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
+    notch_length_m: length of the notch [m]; source: 20 mm, for a common biopsy gun, [deflection]
     core_m: for `Hit.CORE`, least length of the notch in the lesion [m]; source: needle.toml, the pathologist's need
-    tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the tracker's accuracy
+    tip_sd_m: standard deviation of the tracked tip on each axis [m]; source: needle.toml, the tracker's accuracy
     bending_sd: standard deviation of the tip across the needle due to bending, divided by the depth [m/m]; source:
         0.9 mm at 45 mm, the mean deflection of a biopsy gun in a phantom, [deflection]
 
@@ -66,12 +66,12 @@ class Needle:
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """Length of the notch, and least length of the core in the lesion [m]; both are 0 if a point has to hit."""
+        """For `Hit.CORE`, length of the notch, and length of it that has to lie in the lesion [m]; else 0 and 0."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Variance of the tip in every direction [m²], and variance due to bending divided by the squared depth [1]."""
+        """Variance of the tracked tip on each axis [m²]; variance due to bending, divided by the squared depth [1]."""
         return self.tip_sd_m**2, self.bending_sd**2
 
     def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
@@ -114,9 +114,9 @@ class Insertion:
         """The insertion of a needle whose tip and direction a tracker has measured.
 
         tip: measured position of the tip [m], (dim,); axis: measured direction, of any length, (dim,)
-        The skin is the plane through this insertion's entry, perpendicular to this insertion's axis. If the tip is in
-        front of the skin, the depth is 0. If the measured direction deviates by more than 60 degrees from this
-        insertion's axis, the depth is computed as for 60 degrees. Raises ValueError for a direction without length.
+        The skin is the plane through the present entry, perpendicular to the present axis. If the tip is in front of
+        the skin, the depth is 0. If the angle between measured direction and present axis exceeds 60 degrees, the depth
+        is computed as for 60 degrees. Raises ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

@@ -1,8 +1,8 @@
 """Constant-speed Kalman filter for a tracked needle: position of the tip, and time of the tip's arrival.
 
-The state x = (p, s) is the tip's position and its speed along a line of direction d: dp/dt = s d + bending across the
-line, ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
-[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, because the needle bends.
+The state is the position p of the tip and its speed s along a line of direction d. The model is dp/dt = s d + bending
+across the line, ds/dt = white noise. Along the line, this is the discretised continuous white noise acceleration model,
+source: [barshalom2001], section 6.3.2. Across the line, the tip follows a random walk, because the needle bends.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: white noise of the acceleration along the line [m/s²/sqrt(Hz)]; choice: the speed changes by 10 mm/s
-        in one second
-    bending: random walk of the tip across the line [m/sqrt(s)]; choice
+    acceleration: density of the acceleration noise along the line [m/s²/sqrt(Hz)]; choice: after one second, the
+        standard deviation of the speed has grown by 10 mm/s
+    bending: density of the velocity noise across the line [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
 
@@ -34,7 +34,7 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """Arrival of the tip at a depth: time time_s [s], and standard deviation sd_s of this time to first order [s]."""
+    """Time at which the tip arrives at a depth [s], and standard deviation of this time to first order [s]."""
 
     time_s: float
     sd_s: float
@@ -44,8 +44,8 @@ class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
     entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
-    State: time_s, time of the estimate [s], None before `predict`; x and P, mean and covariance of tip [m] and speed
-    along the line [m/s], (dim + 1,) and (dim + 1, dim + 1); nis, normalised innovation squared of the last measurement.
+    State: the time of the estimate [s]; mean x and covariance P of the tip's position [m] and its speed along the line
+    [m/s], (dim + 1,) and (dim + 1, dim + 1); the normalised innovation squared of the last measurement.
     Raises ValueError for a direction without length.
     """
 
@@ -79,7 +79,7 @@ class NeedleTracker:
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
-        """Predicted tip at a later time [m], (dim,), and its covariance [m²], (dim, dim). The state does not change.
+        """Predicted position of the tip at a later time [m], (dim,), and its covariance [m²], (dim, dim).
 
         Raises ValueError before the first measurement, and if the time is before the present time or not finite.
         """
@@ -113,11 +113,7 @@ class NeedleTracker:
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """Time at which the tip reaches a depth [m]; None if the tip does not move forward or is already deeper.
-
-        The standard deviation of the time is the standard deviation of the predicted depth at this time, divided by the
-        speed.
-        """
+        """Time at which the tip reaches a depth [m]; None if the tip does not move forward or is already deeper."""
         depth, _ = self.depth
         speed, _ = self.speed
         if self.time_s is None or not speed > 0.0 or depth_m < depth:

@@ -1,8 +1,8 @@
-"""Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
+"""Predicted path of the target for advice, from fast tables if the body is near rest, otherwise from the filter.
 
-Usually no short force (a poke) acts on the tissue before the needle arrives. A single Gaussian would be too wide if no
-poke acts, and too narrow if a poke acts. The path is therefore a mixture of three cases: (1) no poke acts, and no slow
-force becomes stronger; (2) a poke acts, or a slow force becomes stronger; (3) a node is led: a force drags it.
+Usually no short force acts on the tissue before the needle arrives. A single Gaussian would be too wide without a short
+force, and too narrow with a short force. The path is therefore a mixture of three cases: (1) all forces stay constant;
+(2) a short force acts, or a slow force becomes stronger; (3) a force drags a node to another place.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ CYCLE_S = 1.0 / 30.0
 """Step between two times of the tables [s]; choice."""
 
 TURNED = 0.35
-"""The tables are valid if no spring has turned by more than this from its direction at rest [rad]; measured:
+"""Largest angle between a spring and its direction at rest for which the tables are valid [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
 """Probability below which a part of the mixture is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Largest expected displacement of the target from rest, for the range of the tables [m]; choice."""
+"""Displacement of the target from rest for which the tables are long enough [m]; choice."""
 
 MOST_S = 30.0
 """Longest time that the tables cover, even for a slow needle [s]; choice."""
@@ -41,7 +41,7 @@ MOST_S = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathParts:
-    """Path as a Gaussian mixture at k times: weights (k, c), means [m], (k, c, dim), covs [m²], (k, c, dim, dim)."""
+    """Gaussian mixture of c parts at k times: weights, (k, c); means [m], (k, c, dim); covs [m²], (k, c, dim, dim)."""
 
     weights: Floats
     means: Floats
@@ -52,7 +52,7 @@ class PathParts:
 class TargetPath:
     """Predicted path of a target: increasing times [s], (k,); means [m], (k, dim); covariances [m²], (k, dim, dim).
 
-    mixture: the path as a Gaussian mixture, for hit probabilities; None if the path is Gaussian
+    mixture: distribution of the target at each time; None if this distribution is Gaussian
     """
 
     times_s: Floats
@@ -79,7 +79,7 @@ class TargetPath:
                 )
 
     def widened(self, cov: Floats) -> TargetPath:
-        """The path with an additional error that is constant in time, with this covariance [m²], (dim, dim)."""
+        """The path with an additional constant error; cov: covariance of this error [m²], (dim, dim)."""
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
@@ -91,7 +91,7 @@ class TargetPath:
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:
-        """Mixture: weights (k, c), means minus overall mean [m], (k, c, dim), covariances [m²], (k, c, dim, dim)."""
+        """Mixture: weights, (k, c); means minus overall mean [m], (k, c, dim); covs [m²], (k, c, dim, dim)."""
         if self.mixture is None:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
@@ -99,24 +99,18 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """Mean [m], (dim,), and covariance [m²], (dim, dim), of the target without the error of its stated offset."""
+    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), if its offset from the nodes were exact."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
-    """Means [m], (k, dim), and covariances [m²], (k, dim, dim), of the target, predicted by the breathing model.
-
-    The constant error of the target's stated offset, which `breathing_track` omits, is added.
-    """
+    """Means [m], (k, dim), and covariances [m²], (k, dim, dim), of the target, predicted by the breathing model."""
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
-    """Mixture of two paths at the same times, with its mean and covariance.
-
-    probability: probability of the first path at each time [1], (k,)
-    """
+    """Mixture of two paths at the same times; probability: probability of the first path at each time [1], (k,)."""
     share = np.stack([probability, 1.0 - probability], axis=1)
     both = [path.parts for path in (one, other)]
     weights = np.concatenate([share[:, i, None] * parts[0] for i, parts in enumerate(both)], axis=1)
@@ -138,30 +132,30 @@ def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, set
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time until the part of the needle that has to hit is distance_m [m] beyond the entry [s]; 0 if it is there."""
+    """Time until the part of the needle that has to hit is distance_m [m] beyond the entry [s]; 0 if it is deeper."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables for predictions over the next ahead_s [s]. They depend on the filter's model, not on its posterior."""
+    """Tables for predictions over the next ahead_s [s], for any later estimate of the filter near rest."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
 def _times_until(ahead_s: float, cycle_s: float) -> int:
-    """Number of times with an interval of cycle_s, from now on, that cover the next ahead_s."""
+    """Number of times, at intervals of cycle_s from now on, that cover the next ahead_s."""
     return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The predicted path, as a mixture, at all times of the tables; ValueError before the filter's first frame."""
+    """The predicted path at all times of the tables. Raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The predicted path from the first to the last of the requested times [s], (k,).
+    """The predicted path over the requested times [s], (k,).
 
-    If the tables are valid, the result is the tables' path at the tables' times, which begin at the filter's time.
-    Otherwise the filter predicts the path at the requested times.
+    If the body is near rest and the tables are long enough, the path has the times of the tables, which begin at the
+    filter's time. Otherwise the filter predicts the path at the requested times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -176,7 +170,7 @@ _KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
 
 
 def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """As `path_near_rest`, with cached tables. If the requested times exceed the tables, new tables are computed."""
+    """The path of `path_near_rest`, with cached tables. If the tables are too short, new tables are computed."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
     if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
@@ -189,7 +183,7 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
 
 @one_blas_thread()
 def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> TargetPath:
-    """The path of `path_by_tables` at the first n times."""
+    """The predicted path at the first n times of the tables."""
     times, cases = tables.times(tissue)[:n], [tuple(each[:n] for each in case) for case in tables.parts(tissue)]
     _, means, covs = cases[-1]
     return TargetPath(times, means, covs, _mixture(cases))
@@ -205,10 +199,10 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture from nested cases; each case has a probability (k,), means (k, dim) and covariances (k, dim, dim).
+    """Mixture from nested cases, each with probabilities (k,), means (k, dim) and covariances (k, dim, dim).
 
-    Each case includes the previous one, and the last case is certain. A part of the mixture is what a case adds to the
-    previous case.
+    The cases are nested: case i contains case i - 1, and the last case has probability 1. Part i of the mixture is case
+    i without case i - 1.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

@@ -1,9 +1,9 @@
 """Planning of needle paths: straight paths, ranked by the probability that the tip ends in the lesion.
 
-The needle displaces the target. This displacement u = C F is predicted by the tissue's linear response to the needle's
-forces at arrival. C contains the target's rows of the inverse stiffness matrix at rest [dimaio2003]. F contains the
-cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
-`dynamics.needle.loads`. Each path aims at the displaced target. Obstacles are assumed to be at rest.
+The needle displaces the target by u = C F. The rows of C are the target's rows of the inverse stiffness matrix at rest
+[dimaio2003]. F contains the needle's forces on the nodes at arrival: the cutting force at the tip, and the full
+friction along the shaft, distributed over the nodes as in `dynamics.needle.loads`. Each path aims at the displaced
+target. Obstacles are assumed to be at rest.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ path with more clearance ranks first. For the phantom, two to six decimals give 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """A ball to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; its radius [m]."""
+    """A spherical lesion at arrival: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre; radius [m]."""
 
     mean: Floats
     cov: Floats
@@ -48,7 +48,7 @@ class PlannedNeedle:
         and 18 N/m for sticking in bovine liver, [okamura2004]
     reach_m: width of the kernel that distributes a force over nodes [m]; choice
     force_sd: relative standard deviation of the forces; choice
-    tip_sd_m: standard deviation, on each axis, of the tip's distance from its path [m]; source: plan.toml, by default
+    tip_sd_m: standard deviation of the tip about its path, on each axis [m]; source: plan.toml, by default
         0.9 mm at 45 mm, rounded, the mean deflection of a biopsy gun in a phantom, [deflection]
     """
 
@@ -104,7 +104,7 @@ class Plan:
     means: position of the target at arrival [m], (n, dim)
     covs: covariance of the target relative to the tip at arrival [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,)
-    clearance: least distance from the margin of an obstacle [m], (n,)
+    clearance: distance between the needle and the nearest margin of an obstacle [m], (n,)
     angles: angle between each path and the skin's normal [rad], (n,)
     reasons: reasons why each path is rejected; empty for an allowed path
     order: indices of the paths from the best to the worst, all allowed paths first, (n,)
@@ -169,8 +169,8 @@ def candidate_paths(
 ) -> tuple[Floats, Floats]:
     """Entries and tips of candidate paths [m], (n n_aims, dim) each: n_aims paths from each entry.
 
-    entries: [m], (n, dim); n_aims: an odd number. One path aims at the displaced target's centre. The others aim at
-    points up to 0.6 radii from it: on both sides in the plane, all around in space.
+    entries: [m], (n, dim); n_aims: an odd number. From each entry, one path aims at the centre of the displaced target.
+    The other paths aim at points around this centre, at distances of at most 0.6 radii.
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)

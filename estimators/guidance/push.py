@@ -15,9 +15,8 @@ from estimators.process.target import TargetPoint, target_map
 class NeedlePush:
     """Predicted displacement of the target by a needle's forces, to first order about rest [dimaio2003].
 
-    If the needle is already inside, only its further displacement is predicted, because the marks show the displacement
-    so far. A body without support moves as a whole, which a static response does not describe. No displacement is
-    predicted for such a body.
+    If the needle is already inside, the marks show the displacement so far, and only the further displacement is
+    predicted. For a body without anchors, no displacement is predicted.
 
     target: a node's name or a point of the tissue; needle: constants of the needle's forces
     """
@@ -44,6 +43,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """The path after the needle's displacement, with the uncertainty of the needle's forces in its covariance."""
+        """The path displaced by `shift`; the uncertainty of the needle's forces is added to the covariance."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

@@ -1,4 +1,4 @@
-"""Estimation of a tissue's constants and of the size of model errors from recordings.
+"""Estimation of a tissue's constants and of its model's error from recordings.
 
 Quantities that are estimated once, not in each frame, belong here.
 """

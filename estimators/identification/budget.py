@@ -1,4 +1,4 @@
-"""Limits of an estimation from a recording: time, number of processes, exceptions."""
+"""Time limit, progress and exceptions of an estimation from a recording."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class OutOfTimeError(Exception):
 class Progress:
     """Completed share of a search: number of processed frames, divided by the expected number.
 
-    A frame in this process counts when it is processed. Frames in another process count when their pass returns.
+    A frame in this process is added when it is processed. Frames in another process are added when their pass returns.
 
-    State: `seen`, number of frames counted; `returned`, number of frames of the passes that have returned.
+    State: `seen`, number of processed frames; `returned`, number of frames of the passes that have returned.
     """
 
     def __init__(self, expected: float, advance: Callable[[float], None]) -> None:
@@ -41,12 +41,12 @@ class Progress:
         self.seen = self.returned = 0.0
 
     def frame(self) -> None:
-        """Count a frame."""
+        """Add one frame to the processed frames."""
         self.seen += 1.0
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count the frames of passes that have returned; frames that `frame` has counted do not count twice."""
+        """Add the frames of passes that have returned, without the frames that `frame` has already added."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)
@@ -70,7 +70,7 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """A budget with the same limit. In this process, its `check` also calls `on_check`."""
+        """A budget with the same start and limit. In this process, its `check` also calls `on_check`."""
         some = self.part(1.0)
         some._on_check = on_check
         return some

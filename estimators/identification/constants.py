@@ -1,8 +1,8 @@
 """Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
-The estimation is a Gauss-Newton search on the innovations of hidden marks. The filter treats the constants as exact,
-and computes the sensitivity T of each innovation to errors theta of the constants. An innovation is then T theta plus
-noise with the innovation covariance. Source: [friedland1969].
+The estimation is a Gauss-Newton search on the innovations of the marks that the filter does not use. The filter treats
+the constants as exact, and computes the sensitivity T of each innovation to errors theta of the constants. An
+innovation is then T theta plus noise with the innovation covariance. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three. For rest lengths,
-which are measured in a picture, 10 %."""
+"""Largest change of the log of a constant at a start; choice: a factor of three, or 10 % for rest lengths, which are
+measured in a picture."""
 
 START_SDS = 4.0
-"""Largest distance of a start, in prior standard deviations [1]; choice, for narrow priors (shape measured at rest)."""
+"""Largest distance of a start from the given constants, in prior standard deviations [1]; choice, for narrow priors."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """Settings of the identification.
 
-    kept: the retained directions explain at least this share of the target's variance by uncertain constants; choice
-    n_starts: number of points from which the search starts; the first is the given constants; choice
+    kept: the retained directions explain at least this share of the target's variance due to the constants; choice
+    n_starts: number of points from which the search starts; the first point is the given constants; choice
     """
 
     kept: float = 0.995
@@ -63,14 +63,14 @@ class IdentificationResult:
 
     network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
-    cov: covariance of these logs, (n, n), inflated for correlated innovations and for ambiguity of the search
-    prior_sd: prior standard deviations of these logs, (n,)
+    cov: covariance of the logs, (n, n), inflated for correlated innovations and for ambiguity of the search
+    prior_sd: prior standard deviations of the logs, (n,)
     uncertainty: uncertainty of the constants, reduced to the few directions that matter for the target
     passes: number of filter passes; converged: whether the search ended within its tolerance
     residuals: test of the residuals
-    log_likelihood, log_likelihood_before: of all hidden marks, with the estimated and with the given constants
+    log_likelihood, log_likelihood_before: log likelihood with the estimated constants, and with the given constants
     target_error_m, target_error_before_m: median distance between the predicted target and its mark [m], with the
-        estimated and with the given constants
+        estimated constants, and with the given constants
     n_starts, n_agreeing: number of starts, and number of starts that led to the estimated constants
     n_frames: number of used frames
     in_time: False if the time was too short for all frames, starts and passes
@@ -137,11 +137,11 @@ def identify_constants(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
-    """Identify constants of a network from a recording; prior_sd: prior standard deviation of the log, for each kind.
+    """Estimate constants of a network from a recording that contains the target's mark.
 
-    frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
-    rests_as_drawn: whether the drawn shape was measured at rest, see `group_prior_sd`
-    spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
+    frames: (time [s], marks) in order; marked: nodes whose marks the filter uses, and on which short forces may act
+    prior_sd: prior standard deviation of the log of each kind of constant; spring_groups: see `constant_groups`
+    rests_as_drawn: whether the drawn shape was measured at rest; budget: time limit
     workers: `map`, or the map function of a pool of processes; advance: called with the completed share
     Raises IdentificationError if the target has no mark or is the only marked node, if the time is too short for any
     result, or if the filter fails numerically from all starts.
@@ -164,8 +164,8 @@ def identify_constants(
 class _Found:
     """Result of the searches from all starts.
 
-    before: the pass with the given constants; n_agreeing: number of starts that led to the best constants
-    used: the used frames; left_open: ambiguity of the search in prior units, (n, n)
+    before: filter pass with the given constants; n_agreeing: number of starts that led to the best constants
+    used: the used frames; left_open: see `determined.left_open`, (n, n)
     """
 
     best: Optimum
@@ -179,10 +179,10 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """Search from several starts with a part of the frames, then search from the best result with all frames.
+    """Search from several starts with a part of the frames, then from the best result with all frames.
 
-    With all frames, if the given constants are more probable than the best result, the second search starts from them.
-    Raises OutOfTimeError.
+    If the given constants are more probable with all frames, the second search starts from the given constants. Raises
+    OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -206,7 +206,7 @@ def _searched(
     if len(screened) < len(used):
         try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
-            # the best constants for a part, which begins in motion, may be worse for all frames than the given ones
+            # the best constants for a part of the frames may be worse for all frames than the given constants
             begins = most_probable([there, given])
             best, before = climbed(of_all, begins, problem.sd), given.found
             if not best.converged:
@@ -239,7 +239,7 @@ def _identified(
         with suppress(OutOfTimeError):
             as_kept = problem.at(theta, used) if theta.any() else found.before
             if as_kept.log_likelihood < found.before.log_likelihood:
-                # if some constants are kept, the others explain the recording worse than the given constants
+                # with some constants kept, the other constants explain the recording worse than the given constants
                 theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
             else:
                 after = as_kept
@@ -279,7 +279,7 @@ def principal_uncertainty(
     *,
     kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """Reduce an uncertainty to the few directions that explain its effect on the target. Target marks are not needed.
+    """Reduce an uncertainty to the few directions that explain its effect on the target.
 
     The directions are the principal axes of the uncertainty's contribution to the target's variance, summed over the
     frames. The smallest axes, which together contribute less than 1 - `IdentificationSettings.kept`, are omitted.
@@ -291,7 +291,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """Reduce an uncertainty to the principal axes of its effect (n, n) that explain the share `kept`."""
+    """Reduce an uncertainty to those principal axes of `effect`, (n, n), that together explain the share `kept`."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -1,7 +1,7 @@
-"""Test which constants a recording determines; the others keep their given values and uncertainty.
+"""Test which constants a recording determines. The other constants keep their given values and uncertainty.
 
-The variance of a constant is the posterior variance plus the ambiguity of the search. The ambiguity is the mean square
-distance between results of equal likelihood. If the search did not finish, the square of its last step is added.
+The variance of a constant is the posterior variance plus the mean square distance between equally good results of the
+search.
 """
 
 from __future__ import annotations
@@ -19,27 +19,28 @@ MAX_VARIANCE_LEFT = 0.5
 ratio, the recording contains less information on the combination than the prior does."""
 
 LEAST_PART = 0.05
-"""If the squared projection of a constant's axis on the determined combinations is below this, the constant keeps its
-value; choice: if only the sum of twenty equal constants is determined, the projection is 0.05 for each constant."""
+"""Squared projection of a constant's axis on the determined combinations, below which the constant keeps its value;
+choice: if only the sum of twenty equal constants is determined, the projection is 0.05 for each constant."""
 
 ALIKE = 0.1
-"""If the log posteriors of two results differ by less than this per innovation, they explain a recording equally well;
-choice: the difference for a model whose innovations are a fifth larger or smaller than stated."""
+"""Difference of two log posteriors per innovation, below which both results are equally good; choice: innovations that
+are a fifth larger or smaller than stated cause this difference."""
 
 
 def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:
-    """Mean square distance between the best result and equally good ones, (n, n), in prior standard deviations."""
+    """Mean of d d', (n, n), with d the difference of an equally good result from the best, in prior sds."""
     n_innovations, times = float(best.found.dof.sum()), best.times
     ways = [one.theta - best.theta for one in ends if best.at(times) - one.at(times) <= ALIKE * n_innovations / times]
     return np.mean([np.outer(way, way) for way in ways], axis=0)
 
 
 def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, int]:
-    """Constants theta (n,) and their covariance (n, n) after undetermined combinations are reset to the given value 0.
+    """Reset undetermined combinations of the constants theta, (n,), to their given value, which is 0.
 
-    Both are in prior standard deviations. A constant of which almost nothing is determined keeps its given value. The
-    others take their most probable values under this condition. The covariance includes the squared change of theta.
-    The third result is the number of directions in which the prior limits the covariance, see `within_prior`.
+    cov: covariance of theta, (n, n); theta and cov are in prior standard deviations
+    A constant of which almost nothing is determined becomes 0. The other constants then take their most probable
+    values. Returns the new theta, the covariance plus the squared change of theta, and the number of directions in
+    which the prior limits this covariance, see `within_prior`.
     """
     kept = (_determined(cov) ** 2).sum(axis=1) < LEAST_PART
     rest, at = ~kept, np.zeros_like(theta)

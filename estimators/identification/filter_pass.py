@@ -1,9 +1,8 @@
 """One pass of the filter through a recording: predictions of the hidden marks, and their sensitivity to constants.
 
-The filter uses only the marks of the marked nodes, as in tracking. Hidden marks are the marks of all other nodes,
-including the target. The predictions of the hidden marks are compared with their positions. These predictions hardly
-depend on the prior of the forces. If the filter used all marks, errors of this prior would look like errors of the
-constants.
+The filter uses only the marks of the marked nodes. The hidden marks, which are the marks of all other nodes including
+the target, are compared with their predictions. If the filter used all marks, errors of the prior of the forces would
+look like errors of the constants.
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Level of the discrepancy if the settings do not state a level [1]; choice: a level estimated from the marks would be
-too large, because it would also explain wrong constants."""
+"""Relative error of the model, if the settings do not state this error [1]; choice: an error estimated from the marks
+would be too large, because it would also explain wrong constants."""
 
 SMALL = 1e-3
-"""Factor on the standard deviations of the constants in the filter [1]; numerical: so small that the filter's gains
-equal the gains for exact constants."""
+"""Factor by which the filter's standard deviations of the constants are multiplied [1]; numerical: so small that the
+gains of the filter equal the gains for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """Information of a recording's hidden marks on the errors of the constants, along n independent directions.
+    """Log likelihood of a recording's hidden marks, and its derivatives by the constants along n directions.
 
-    The log likelihood is composite: a sum over frames that are not independent of each other.
+    The log likelihood is composite: it is a sum over frames, although frames are not independent.
 
     scores: gradient of the log likelihood along each direction, for each frame, (n_frames, n)
     information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: degrees of freedom of nis, (n_frames,)
-    effect: sum over the frames of T' T [m²], (n, n), with T the sensitivity of the target's error to each direction
+    effect: sum over the frames of T' T [m²], (n, n); T: derivative of the target's error along each direction
     target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark
     """
 
@@ -74,10 +73,10 @@ def pass_through(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    """Run the filter through the frames as if the constants were exact; compute the sensitivity to each direction.
+    """Run the filter through the frames as if the constants were exact.
 
-    The sensitivity of the state's error to a constant is their covariance divided by the constant's variance
-    [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
+    nodes: marked nodes, and the target. The derivative of the state's error by a constant is the covariance of state
+    and constant, divided by the constant's variance [friedland1969]. Raises OutOfTimeError.
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

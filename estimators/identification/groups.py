@@ -1,4 +1,4 @@
-"""Groups of constants with one common factor, such as one stiffness for each tissue or kind of link."""
+"""Groups of constants, such as the stiffness of all springs of one tissue, that are multiplied by one factor."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Largest number of springs with which each spring has its own constants if no groups are given. A recording of half a
-minute determines about twenty combinations of constants, and each constant adds a state to the filter."""
+"""Largest number of groups of springs without names. A recording of half a minute determines about twenty combinations
+of constants, and each group adds a state to the filter."""
 
 LEAST_REST = 0.1
-"""Least factor on the rest length of a spring that becomes softer but has to keep a large tension."""
+"""Least factor by which a rest length is multiplied to keep the spring's tension at a lower stiffness."""
 
 SAME_DIGITS = 9
 """Constants of one kind are equal if they agree to this number of significant digits, as many as in a scene file."""
@@ -33,7 +33,7 @@ SAME_DIGITS = 9
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind with one common factor; places: indices of their springs or nodes."""
+    """Constants of one kind that are multiplied by one factor; places: indices of the springs or nodes."""
 
     kind: str
     places: tuple[int, ...]
@@ -48,11 +48,11 @@ class ConstantGroup:
 def constant_groups(
     network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
 ) -> tuple[ConstantGroup, ...]:
-    """Groups of positive constants of these kinds, kind by kind. Constants of a group are estimated with one factor.
+    """Groups of the positive constants of these kinds. All constants of a group are estimated with one factor.
 
-    spring_groups: group name of each spring, (n_springs,), empty for a spring alone; (): there are no group names
-    If there are no group names and at most `MOST_SINGLE` springs, each spring is a group. For more springs, springs of
-    equal stiffness are a group; if these groups are too many, all springs are one group. The same rule holds for nodes.
+    spring_groups: name of each spring's group, (n_springs,); a spring with an empty name is a group of its own
+    Without names, up to `MOST_SINGLE` springs are a group each. More springs form groups of equal stiffness. If these
+    groups are more than `MOST_SINGLE`, all springs are one group. Nodes form groups of equal constants by this rule.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -79,8 +79,7 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: relative error of the drawn shape [1]. It limits the prior of a factor that several rest lengths have in
-        common.
+    strain: relative error of the drawn shape [1], upper limit of the result for a group of several rest lengths
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)
@@ -92,7 +91,7 @@ def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """All constants that the groups' factors change: the groups' constants, and rest lengths as in `scale_groups`."""
+    """All constants that the groups' factors change, including the rest lengths that `scale_groups` changes."""
     rest = (Parameter("rest_length", s) for group in groups if _shares("stiffness", group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
@@ -100,8 +99,8 @@ def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
     """The network with the constants of each group multiplied by exp(change), (n_groups,).
 
-    If a group changes the stiffness of several springs, their rest lengths also change, so that their tensions in the
-    drawn shape stay the same. A tissue that rests as drawn therefore rests as drawn at any stiffness.
+    If the stiffness of several springs changes by one factor, their rest lengths also change, so that their tensions in
+    the drawn shape stay constant. A tissue that rests as drawn therefore rests as drawn at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)
@@ -122,7 +121,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
 
 
 def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:
-    """Change of the log of each constant per unit change of the log of each group's factor, (n_groups, n)."""
+    """Derivative of the log of each of n constants `which` by the log of each group's factor, (n_groups, n)."""
     column = {one: k for k, one in enumerate(which)}
     drawn = _drawn_lengths(network)
     directions = np.zeros((len(groups), len(which)))

@@ -16,8 +16,8 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames with the most motion, for the search from all starts; choice: fewer frames do not
-contain half an oscillation of the phantom. All frames are then used to improve the best result."""
+"""Number of consecutive frames with which the search starts; choice: fewer frames do not contain half an oscillation of
+the phantom. All frames are then used to improve the best result."""
 
 PASSES_A_SEARCH = 6
 """Expected number of filter passes of a search, for the progress and for the number of frames that the time allows."""
@@ -27,7 +27,7 @@ PASSES_A_SEARCH = 6
 class Problem:
     """Estimation problem of a recording. The unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
 
-    sd: prior standard deviation of each log, (n,); nodes: the nodes that may be poked, and the target
+    sd: prior standard deviation of each log, (n,); nodes: the marked nodes, and the target
     """
 
     network: MassSpringNetwork
@@ -42,7 +42,7 @@ class Problem:
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Uncertainty with k independent directions; rows: change of the log of each group's factor, (k, n_groups)."""
+        """Uncertainty of the constants; rows: k independent errors of the logs of the factors, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
@@ -57,10 +57,7 @@ class Problem:
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """Number of starts, at least one, and the frames for which the time suffices.
-
-        Raises OutOfTimeError if the time is too short even for one start.
-        """
+        """Number of starts, and frames, that the time allows. Raises OutOfTimeError if the time allows no start."""
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)
         n_passes = PASSES_A_SEARCH + 1

@@ -1,4 +1,4 @@
-"""Test whether innovations have the expected size; standard errors that account for correlated innovations."""
+"""Test of the size of innovations, and standard errors that account for correlated innovations."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class ResidualTest:
     """Test of the innovations of the hidden marks, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
-    inflation: standard error, divided by its value for independent frames; the largest ratio over all directions [1]
-    n, n_effective: number of innovations, and number of independent innovations with the same information
+    inflation: largest ratio, over all directions, of the standard error to its value for independent frames [1]
+    n, n_effective: number of innovations, and number of independent innovations with equal information
     explained: whether sampling error alone explains the size
     """
 
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    It is the largest ratio, over all directions, of the scores' long-run covariance to the stated information; the
-    prior's information, 1, is added to both. Differs from [pauli2011]: that paper takes the mean ratio, but the
-    evidence in one direction may come entirely from errors of the model.
+    The factor is the largest ratio, over all directions, of J + 1 to I + 1, with J the long-run covariance of the
+    scores, I the Fisher information, and 1 the information of the prior. Differs from [pauli2011], which takes the mean
+    ratio: the information along one direction may be due to errors of the model alone.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -52,7 +52,7 @@ def times_counted(found: Pass) -> float:
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """Covariance (n, n) of the constants at the optimum, in prior standard deviations, and the test of the residuals.
 
-    The covariance is the inverse of the prior information plus the data's information divided by `times_counted`.
+    The inverse covariance is I / `times_counted` + 1, with the Fisher information I and the prior information 1.
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
@@ -68,12 +68,11 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """Covariance of constants, (n, n), limited by the prior, and the number of limited directions.
+    """Covariance of constants after the prior limits it, (n, n), and number of limited directions.
 
-    cov: covariance, (n, n); theta: estimated constants, (n,), both in prior standard deviations
-    The covariance may contain an unlimited ambiguity of the search. But even if the data contain no information, the
-    mean square error of theta is only B = 1 + theta theta': the prior variance plus the squared distance from the prior
-    mean. In each direction, the result is the smaller of cov and B.
+    theta, cov: estimated constants, (n,), and their covariance, (n, n), in prior standard deviations
+    Without data, the mean square error of theta is B = 1 + theta theta', the prior variance plus the squared distance
+    from the prior mean. In each direction, the result is the smaller of cov and B.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)

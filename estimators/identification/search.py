@@ -17,13 +17,14 @@ MOST_PASSES = 24
 """Largest number of passes of a search; choice: a search usually takes three to eight, more for a bad start."""
 
 CONVERGED = 0.2
-"""Step below which a search ends, in standard errors of each constant. It adds at most 2 % to a constant's error."""
+"""Step below which a search ends, in standard errors of each constant. The remaining distance adds at most 2 % to a
+constant's error."""
 
 AGREEING = 1.0
 """Two results agree if each constant differs by less than this number of standard errors."""
 
 LONGEST_STEP = 4.0
-"""Largest factor on a Gauss-Newton step [1]; numerical."""
+"""Largest factor by which a Gauss-Newton step is multiplied [1]; numerical."""
 
 LONGEST_MOVE = 1.0
 """Longest step of the logarithm of a constant: a factor of e. The linear model of a longer step would be invalid."""
@@ -32,16 +33,16 @@ START_SEED = 1
 """Seed of the scrambled Sobol sequence of starts. It is fixed, so that a recording always gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""Function that returns the pass through the recording with constants theta, (n,), in prior standard deviations."""
+"""Function that runs a filter pass with constants theta, (n,), which are in prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """Result of a search: the best constants theta, (n,), in prior standard deviations.
+    """Result of a search; theta: log of the best factor on each constant, in prior standard deviations, (n,).
 
-    found, at_start: the pass with theta, and the pass with the constants at the start; passes: number of passes so far
+    found, at_start: result of the filter pass with theta, and of the pass at the start; passes: number of passes
     converged: whether the next step is below `CONVERGED`; in_time: False if the time ended during the search
-    times: factor by which the log likelihood overstates the information of the frames, see `times_counted` [1]
+    times: result of `times_counted` [1], by which the log likelihood is divided
     """
 
     theta: Floats
@@ -54,16 +55,16 @@ class Optimum:
 
     @property
     def log_posterior(self) -> float:
-        """Log posterior up to a constant; the prior contributes 0 at its mean."""
+        """Log posterior of theta, up to a constant."""
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """Log posterior up to a constant; the log likelihood is divided by the factor `times` [1]."""
+        """Log posterior of theta, up to a constant, if the log likelihood is divided by `times` [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
     def precision(self) -> Floats:
-        """Inverse covariance: Fisher information plus prior, (n, n)."""
+        """Inverse covariance of theta, (n, n): Fisher information divided by `times`, plus the prior information 1."""
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
@@ -81,27 +82,27 @@ def starts(spread: Floats, n: int) -> Floats:
 
 
 def begun(at: At, start: Floats) -> Optimum:
-    """Begin a search with a pass at its start. Raises OutOfTimeError."""
+    """State of a search after its first pass, which is at the start. Raises OutOfTimeError."""
     first = at(start)
     return Optimum(start, first, first, 1, converged=False, times=times_counted(first))
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The search with the highest posterior. All log likelihoods are divided by one factor to be comparable."""
+    """The result with the highest posterior. All log likelihoods are divided by the same factor."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
 
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
-    """Maximise the posterior from a start. If the time ends first, return the best point so far.
+    """Maximise the posterior from a start. If the time ends during the search, return the best point so far.
 
-    unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError before the first pass ends.
+    unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError if no pass ends in time.
     """
     return climbed(at, begun(at, start), unit)
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """Continue a search from its best point, as `gauss_newton` does."""
+    """Continue a Gauss-Newton search from its best point; unit: as in `gauss_newton`, (n,)."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
@@ -120,8 +121,8 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
                 step *= 0.5
             if tried.log_posterior < best.log_posterior:
                 return replace(best, passes=tried.passes, converged=step * away < CONVERGED)
-            # scores neglect the effect of constants on gains: steps that gain twice the predicted improvement are
-            # too short
+            # scores neglect the effect of constants on gains; if a step improves the posterior twice as much as
+            # predicted, it was too short
             is_short = tried.log_posterior - best.log_posterior > float(move @ best.precision @ move)
             longest = min(2.0 * longest, LONGEST_STEP) if is_short else 1.0
             best = replace(tried, times=times_counted(tried.found))

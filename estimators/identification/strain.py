@@ -1,4 +1,4 @@
-"""Estimation, from a recording, of the discrepancy's level: the relative error of the model's displacements."""
+"""Estimation of a model's discrepancy, which is the relative error of its displacements, from a recording."""
 
 from __future__ import annotations
 
@@ -17,24 +17,23 @@ from estimators.identification.stretch import affordable, frame_seconds, from_fi
 from estimators.tissue.settings import FilterSettings
 
 STRAINS = (0.002, 0.003, 0.01, 0.03)
-"""Levels of the discrepancy that are compared, relative to the body's extent [1]; choice."""
+"""Values of the discrepancy that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
-"""Smallest level for a model whose constants were not identified [1]; measured: docs/filter.md. The marks do not show
-how well such a model predicts the target."""
+"""Smallest discrepancy of a model whose constants were not identified [1]; measured: docs/filter.md. The marks do not
+show how well such a model predicts the target."""
 
 REFUTED = 3.0
-"""A level is rejected if its log likelihood is smaller than the largest one by more than this [1]; choice."""
+"""A value is rejected if its log likelihood is below the largest log likelihood by more than this [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
-    """Estimated level of the discrepancy.
+    """Estimated discrepancy of a model.
 
-    settings: the settings with the estimated level
-    names, values, log_sd: the setting, its value [1], and the standard error of the value's logarithm [1], each (1,)
-    log_likelihood: sum over all marks of the log likelihood of each mark, given the other marks of its frame
-    log_likelihood_before: this sum for the given level
+    settings: the given settings, with the estimated discrepancy
+    names: the name "strain"; values, log_sd: the discrepancy, and the standard error of its log [1], (1,)
+    log_likelihood, log_likelihood_before: see `tune_strain`, for the estimated discrepancy and for the given one
     n_frames: number of used frames; in_time: False if the time was too short for all frames and passes
     """
 
@@ -50,7 +49,7 @@ class TuningResult:
 
 @dataclass(frozen=True, slots=True)
 class _Passes:
-    """Passes through frames: log likelihood of a level, from each mark given the other marks of its frame."""
+    """Function from a discrepancy to its log likelihood, see `tune_strain`."""
 
     network: MassSpringNetwork
     nodes: tuple[Sequence[str], str]
@@ -87,16 +86,16 @@ def tune_strain(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Estimate the discrepancy's level from a recording: the largest level of `STRAINS` that the marks do not reject.
+    """Estimate a model's discrepancy from a recording: the largest value of `STRAINS` that the marks do not reject.
 
-    A level's likelihood is that of each mark given the other marks of its frame, because the joint likelihood hardly
-    depends on how well marks predict a hidden position. All levels have the same prior probability.
+    The log likelihood is a sum over all marks: the log density of each mark, given the other marks of its frame. The
+    joint density of all marks would hardly depend on how well marks predict a hidden position.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
     uncertainty: uncertainty of the constants
     budget: time limit; workers: `map`, or the map function of a pool of processes
     advance: called with the completed share
-    is_identified: whether the constants were identified from the tissue; if not, levels below `UNSEEN` are left out
+    is_identified: whether the constants were estimated from this tissue; if not, `UNSEEN` is the smallest result
     Raises IdentificationError if the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
@@ -129,7 +128,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a logarithm with a uniform prior, from its log likelihood at several values."""
+    """Standard deviation of a logarithm, from log likelihoods `logs` at its values `places`; the prior is uniform."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

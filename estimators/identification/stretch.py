@@ -13,11 +13,11 @@ LEAST_FRAMES = 10
 """Least number of frames for an estimation."""
 
 PROBED = 3
-"""Number of frames of a timed pass. A pass before it, which is not timed, loads the compiled code."""
+"""Number of frames of a timed pass. A first pass, which is not timed, loads the compiled code."""
 
 TIMED = 3
-"""Number of timed passes, of which the fastest counts; numerical. Interruptions by other programs take longer than a
-few frames, and would make the estimation stop too early."""
+"""Number of timed passes, of which the fastest pass is used; numerical. Another program may interrupt a pass for longer
+than a few frames take."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
@@ -61,7 +61,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """All frames or, if the time left is too short for n_passes passes through all frames, the `liveliest` of them.
+    """Frames for which the time left allows n_passes passes: all frames or, if it is too short, the `liveliest`.
 
     frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
     Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.
