@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from scipy.linalg.blas import dsyrk
+from scipy.linalg.blas import dgemm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
@@ -23,7 +23,6 @@ from estimators.core.innovations import (
     solved,
     together,
 )
-from estimators.core.kernels import mirror
 from estimators.core.moments import Move, Predicted, Prior, mixed, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
@@ -141,9 +140,7 @@ class HypothesisFilter:
     def covs(self) -> Floats:
         """Covariances of the hypotheses, (k, n, n)."""
         if isinstance(self._covs, Predicted):
-            self._covs = self._covs.upper(np.arange(len(self.weights)))
-            for cov in self._covs:
-                mirror(cov)
+            self._covs = self._covs.each(np.arange(len(self.weights)))
         return self._covs
 
     def times(self, H: Floats) -> Floats:
@@ -264,13 +261,12 @@ class HypothesisFilter:
             self._weigh_levels(self.level, observations, found)
         self.log_likelihood, own, kept = log_likelihood, self._considered, weights[live] > 0.0
         if isinstance(self._covs, Predicted):
-            covs = self._covs.upper(live[kept])
+            covs = self._covs.each(live[kept])
         else:
             covs = np.where((weights > 0.0)[:, None, None], self._covs, 0.0)
         for k, gain in zip(live[kept], gains[kept], strict=True):
             cov = covs[k]
-            dsyrk(-1.0, gain.T, 1.0, cov.T, lower=True, overwrite_c=True)  # subtracts in place, in the upper triangle
-            mirror(cov)
+            dgemm(-1.0, gain.T, gain.T, 1.0, cov.T, trans_b=True, overwrite_c=True)  # subtracts the product in place
             if len(own):
                 cov[np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
         means[:, own] = self.means[:, own]

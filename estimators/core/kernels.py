@@ -10,55 +10,41 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def mirror(A):  # type: ignore[no-untyped-def]
-    """Copy the upper triangle of A (n, n) to the lower triangle, in blocks that fit the processor's cache."""
-    for top in range(0, len(A), 16):
-        for left in range(0, top + 1, 16):
-            for i in range(top, min(top + 16, len(A))):
-                for j in range(left, min(left + 16, i)):
-                    A[i, j] = A[j, i]
-
-
-@njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
     """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left, and `fading` (n,) on the diagonal below."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
-    for i in range(r):
-        moved[i, i:r] = corner[i, i:]
-        moved[i, r:] = half[i, r:] * fading[r:]
-    for i in range(r, len(P)):
-        moved[i, i:] = P[i, i:] * (fading[i] * fading[i:])
-    mirror(moved)
+    for i in range(len(P)):
+        for j in range(r):
+            moved[i, j] = 0.5 * (corner[i, j] + corner[j, i]) if i < r else moved[j, i]
+        for j in range(r, len(P)):
+            moved[i, j] = half[i, j] * fading[j] if i < r else P[i, j] * (fading[i] * fading[j])
 
 
 @njit(cache=True, nogil=True)
-def mixed_rows(modes, shares, left, apart, covs, variances, noises, upper):  # type: ignore[no-untyped-def]
+def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ignore[no-untyped-def]
     """Product H P, (k, m, n), for each of k modes. P is the covariance of a mixture of l Gaussians, plus noise.
 
     modes (any,): modes to compute; the product is zero for other modes; shares (l, k): weights of the Gaussians
     covs (l, m, n): H times the covariance of each Gaussian
     apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(weight); left (l, k, m): H times apart
     variances (k, n_sources): noise variances; noises (n_sources, any, any): H times the noise covariance at variance 1
-    upper: whether to compute only the upper triangle of each product, which is square
     """
     n_mixed, m, n = covs.shape
     found = np.zeros((shares.shape[1], m, n))
     for i in range(m):
-        first = i if upper else 0
         for k in modes:
-            row = found[k, i, first:]
+            row = found[k, i]
             for one in range(n_mixed):
                 share, by = shares[one, k], left[one, k, i]
                 if share != 0.0:
-                    cov, away = covs[one, i, first:], apart[one, k, first:]
-                    for j in range(n - first):
-                        row[j] += share * cov[j] + by * away[j]
+                    for j in range(n):
+                        row[j] += share * covs[one, i, j] + by * apart[one, k, j]
             for source in range(len(noises) if i < noises.shape[1] else 0):
-                variance, noise = variances[k, source], noises[source, i, first:]
-                for j in range(len(noise)):
-                    row[j] += variance * noise[j]
+                variance = variances[k, source]
+                for j in range(noises.shape[2]):
+                    row[j] += variance * noises[source, i, j]
     return found
 
 

@@ -116,9 +116,9 @@ class Predicted:
             each += variances[:, n:] @ transition.independent
         return cls(shares, apart, covs, variances[:, :n], noises, each)
 
-    def upper(self, modes: NDArray[np.int64]) -> Floats:
-        """Upper triangles of the covariances of the given modes, (k, n, n); zeros elsewhere."""
-        found = mixed_rows(modes, self.shares, self.apart, self.apart, self.covs, self.variances, self.noises, True)
+    def each(self, modes: NDArray[np.int64]) -> Floats:
+        """Covariances of the given modes, (k, n, n); zeros for all other modes."""
+        found = mixed_rows(modes, self.shares, self.apart, self.apart, self.covs, self.variances, self.noises)
         np.einsum("kii->ki", found)[modes] += self.added[modes]
         return np.asarray(found)
 
@@ -127,7 +127,7 @@ class Predicted:
         seen = np.flatnonzero(H.any(axis=0))
         own, modes = seen[seen < self.noises.shape[1]], np.arange(len(self.added))
         covs, noises = H[:, seen] @ self.covs[:, seen], H[:, own] @ self.noises[:, own]
-        found = mixed_rows(modes, self.shares, self.apart @ H.T, self.apart, covs, self.variances, noises, False)
+        found = mixed_rows(modes, self.shares, self.apart @ H.T, self.apart, covs, self.variances, noises)
         first = int(self.added.any(axis=0).argmax())
         found[:, :, first:] += H[:, first:] * self.added[:, None, first:]
         return np.asarray(found)
