@@ -12,8 +12,8 @@ class IdentitySettings:
 
     decisive: log odds at which names are excluded or adopted [1]; choice
     exchange: prior log odds against an exchange of two names [1]; choice
-    longest_s: longest time for which an undecided alternative is followed [s]; choice. It is also the longest pause
-        between two restarts with other names
+    longest_s: longest time for which an undecided alternative is followed, and longest pause between two restarts
+        with other names [s]; choice
     max_hypotheses: largest number of alternatives [1]; source: number of other orders of three marks, 3! - 1
     """
 

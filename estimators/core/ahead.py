@@ -30,7 +30,7 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target k steps after noise of one step, for each source at variance 1; k is the first index.
+        Covariance of the target k steps after noise in one step, for each source at variance 1; k is the first index.
     by_push : (n_times, dim, n_free dim)
         Shift of the target k steps after the start of a step with a unit force [m/N]; k is the first index.
     """
@@ -88,8 +88,8 @@ class AheadTables:
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
         """Probabilities of two or three cases until each time, (n_times,), and moments of the target in each case.
 
-        In the first case, no short force acts and no slow force becomes stronger. In the second case, which only a
-        network has, no force drags a node. The last case has no condition.
+        In the first case, no short force acts and no slow force becomes stronger. In the second case, no force
+        drags a node. A continuum has no second case. The last case has no condition.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short

@@ -35,7 +35,7 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the displacement that the model leaves out: the sum of a long-range and a short-range random field.
+    """Prior of the displacement that the model leaves out, as the sum of a long-range and a short-range random field.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Discrepancy:
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Basis functions of the displacement at n places [m], (n, r), and the variance that they leave out [m²], (n,).
+        """Values of r basis functions of the displacement [m] at n places, (n, r), and variance left out [m²], (n,).
 
         places: positions of free nodes [m], (n, dim); held: fixed nodes, where the displacement is zero [m], (any, dim)
         Both results are for level 1, at which the standard deviation of the displacement is the body's extent.

@@ -46,7 +46,7 @@ class Disturbances:
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
     n_poked : int
-        Largest number of marked nodes for which pokes have their full strength; choice.
+        Number of marked nodes above which pokes have less than their full strength; choice.
     n_marked : int
         Number of marked nodes; `TissueProcess` sets it.
     bent : float
@@ -99,7 +99,7 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force and, for a network, with pokes."""
+        """Index of the mode with the strongest slow force and, for a network, the short state poked."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
@@ -114,12 +114,12 @@ class Disturbances:
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
-        """Whether the short forces are calm in each mode, (n_modes,)."""
+        """Whether the state of the short forces is calm in each mode, (n_modes,)."""
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Transition rates between the modes [1/s], (n_modes, n_modes). Modes are sorted by their slow state."""
+        """Transition rates between modes [1/s], (n_modes, n_modes). Modes are sorted by the state of the slow force."""
         short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s

@@ -33,8 +33,8 @@ LEAST_SHARE = 1e-3
 """Smallest weight of a mode in the mixture of another mode [1]; choice. Smaller weights are replaced by zero."""
 
 REBORN = 0.05
-"""If the probability of a mode, divided by the probability of a change into this mode, is below this number, the mode
-is omitted until the next prediction [1]; choice."""
+"""A mode is omitted until the next prediction if its probability is below this share of the probability of a change
+into this mode [1]; choice."""
 
 LINEARISATIONS = 10
 """Largest number of linearisations in a frame; numerical. A rotating cable needs many."""
@@ -67,14 +67,14 @@ class HypothesisFilter:
     ----------
     process : ProcessModel
     level : LevelPosterior, optional
-        Estimator of the standard deviation of the discrepancy, which is the error of the model. Default: it is 1.
+        Estimator of the standard deviation of the discrepancy, which is the error of the model. Default: the value 1.
     groups : callable, optional
         Returns the blocks of the observations that `level` leaves out together, like `WithheldGroups`. Default: each
         block is left out alone.
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
-        Indices of the states that are considered but not estimated (Schmidt-Kalman filter, [schmidt1966]).
+        Indices of states that increase covariances but are not estimated (Schmidt-Kalman filter, [schmidt1966]).
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class HypothesisFilter:
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Expected number of past onsets for each hypothesis, and number of onsets that the prior rates predict.
+        Number of past onsets (see `ONSET_SHAPE`): expected in each hypothesis, and expected from the prior rates.
     outlying : (n_names,) bool
         Whether each of the last observations is an outlier in the most probable hypothesis.
     found : Innovations or None
@@ -154,7 +154,7 @@ class HypothesisFilter:
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes). Rates above the diagonal include an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes). A factor on the rates above the diagonal is estimated."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -280,7 +280,7 @@ class HypothesisFilter:
         """Innovations after the transition is linearised about the smoothed previous state.
 
         Gauss-Newton steps find this state for the most probable hypothesis. The remaining linearisation error counts as
-        process noise. In each part of the state, the variance of this noise is the mean square of the error.
+        process noise. In each of `ProcessModel.parts`, the variance of this noise is the mean square of the error.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():

@@ -125,7 +125,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of (prior odds * outlier density) of each block, (n_blocks,); -inf if it cannot be an outlier."""
+        """Log of (prior odds * outlier density) of each block, (n_blocks,); -inf if the mark cannot be an outlier."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)

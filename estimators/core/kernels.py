@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left, and `fading` (n,) on the diagonal below."""
+    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left; from row r on, it is diag(`fading`)."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T

@@ -50,7 +50,7 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Hypotheses before a transition, and their weights in the mixture of each of the k modes after the transition.
+    """Hypotheses before a transition. After the transition, each of the k modes is a mixture of these hypotheses.
 
     means (l, n), covs (n, n) each, weights (l,): the l hypotheses with positive weight
     shares (l, k): weight of each hypothesis in the mixture of each mode
@@ -66,7 +66,7 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability that each mode is entered from another mode, (k,); weights (k,): mode probabilities before."""
+        """Probability of a change into each mode, (k,); weights (k,): probabilities of the modes before the change."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
@@ -105,7 +105,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances after a transition. means (l, n): predicted means; added (n,): variance of additional noise."""
+        """Covariances after a transition. means (l, n): predicted means; added (n,): additional noise variances."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)

@@ -49,7 +49,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Static displacement by a known force that no vibration mode represents [m]; 0 without a continuum.
+        Static displacement by a known force, minus the displacement of the vibration modes [m]; 0 without a continuum.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class TissuePosterior:
         )
 
     def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """Coordinates of the drawn body [m], (n,), moved rigidly to the marks if the marks determine a rigid motion."""
+        """Coordinates of `network.positions` [m], (n,), moved rigidly to the marks if they determine a rigid motion."""
         drawn = self.network.positions
         places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
         measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]
@@ -121,7 +121,7 @@ class TissuePosterior:
 
     @property
     def seen_s(self) -> float | None:
-        """Time of the last mark that was used [s]; None before the first."""
+        """Time of the last used mark [s]; None before the first used mark."""
         return None if self.health.since_s is None else self.health.seen_s
 
     @property
@@ -146,7 +146,7 @@ class TissuePosterior:
 
     @property
     def may_be_led(self) -> bool:
-        """Whether an external force may drag the body: always in space, in a plane if settings name `led_nodes`."""
+        """Whether an external force may drag the body: always in 3-D, and in 2-D if the settings name `led_nodes`."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
@@ -169,7 +169,7 @@ class TissuePosterior:
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance `cov` (dim, dim), minus the variance of the target's offset [m²]."""
+        """Trace of the target's covariance `cov` (dim, dim), minus the variances of its offset's error [m²]."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property

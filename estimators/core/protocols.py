@@ -100,7 +100,7 @@ class Observation(Protocol):
         Covariance of the value's error, positive definite. Errors of different observations are independent. The
         filter estimates a factor on the noise. If only a part of cov is noise, `noise_cov` states this part.
     blocks : sequence of slice
-        Rows of each named block in the value.
+        Rows of each block in the value, in the order of `names`.
     """
 
     @property
@@ -117,7 +117,7 @@ class Observation(Protocol):
 
     @property
     def blocks(self) -> Sequence[slice]:
-        """Rows of each named block in the value."""
+        """Rows of each block in the value, in the order of `names`."""
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted value (m,) at a state (n,), and its derivative (m, n)."""

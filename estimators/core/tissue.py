@@ -1,4 +1,4 @@
-"""Process model of a tissue: motion under unknown forces, displacement that the motion leaves out, constant errors."""
+"""Process model of a tissue: motion under unknown forces, discrepancy of the model, constant errors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class TissueProcess:
 
     The state contains positions, velocities, forces, the discrepancy and constant errors. Short forces are stated as
     accelerations of marked nodes, slow forces as coefficients of a smooth field. The discrepancy is the displacement
-    that the motion leaves out. It is stated as coefficients of basis functions [1].
+    that the modelled motion leaves out. It is stated as coefficients of basis functions [1].
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class TissueProcess:
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Prior mean (n,), which is the drawn shape at rest, and prior covariance in each mode (n_modes, n, n)."""
+        """Prior mean (n,), which is rest at `network.positions`, and prior covariance in each mode (n_modes, n, n)."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop

@@ -74,23 +74,23 @@ class TissueFilter(TissuePosterior):
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        Name of a node, or a point of the tissue. Only a point may have an error of its place in the body (`sd_m`).
+        Name of a node, or a point of the tissue. Only a `TargetPoint` states the error of its offset (`sd_m`).
     marked : sequence of str
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the model's constants. It increases the covariance of the state. Default: exact constants.
     n_calibration : int
-        Number of constant calibration errors, which are the columns of `MarkMeasurement.shared`. If 0, the shared
-        errors of different frames are independent.
+        Number of constant calibration errors, one for each column of `MarkMeasurement.shared`. If it is 0, the
+        shared errors of different frames are independent.
     disturbances, discrepancy
         Priors of the unknown forces and of the model's error. Default: priors made from `settings`.
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
-        """Restart with the nodes at their last estimated positions or, if `as_drawn`, at their drawn positions.
+        """Restart with the nodes at their last estimated positions or, if `as_drawn`, at `network.positions`.
 
-        marks: a body without anchors is moved rigidly from its drawn positions to these marks
+        marks: a body without anchors is moved rigidly from `network.positions` to these marks
         """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
@@ -121,7 +121,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Yield the estimate of each frame (time [s], marks); `advance` is called with the share of frames done."""
+        """Yield a list with the estimate of each frame (time [s], marks). `advance` is called with the share done."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -130,7 +130,7 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Predict the state at an exposure time [s]. Raises ValueError for an infinite time or one before the state.
+        """Predict the state at an exposure time [s]. Raises ValueError for an infinite time, or if the state is later.
 
         push: known force on the tissue, such as the force of a needle
         """
@@ -245,7 +245,7 @@ class TissueFilter(TissuePosterior):
         return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
-        """Number of coordinates that the marks measure. A mark of a single camera in space measures no depth."""
+        """Number of coordinates that the marks measure. In 3-D, a mark that only one camera sees measures no depth."""
         variances = np.linalg.eigvalsh(np.reshape([mark.cov for mark in marks], (-1, *[self.network.dim] * 2)))
         return int((variances < (UNMEASURED * self.process.extent_m) ** 2).sum())
 

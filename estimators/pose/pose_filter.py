@@ -1,8 +1,8 @@
 """Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis about the last sudden move.
 
-A reference mark at x + e is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t) about the centre c
-is the pose error, and n is noise. The calibration errors k, of unit variance, and the errors e of the stated places are
-considered, not estimated (Schmidt-Kalman filter). A camera in space measures the projection of p into its picture. The
+A reference mark with the stated place x is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t)
+about the centre c is the pose error, and n is noise. The calibration errors k, of unit variance, and the errors e of
+the places are considered, not estimated (Schmidt-Kalman filter). In 3-D, a camera measures the projection of p. The
 pose drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In each frame, one more hypothesis assumes that the
 camera was moved after the last frame. Hypotheses are weighted by their likelihoods, and improbable ones are dropped.
 """
@@ -20,8 +20,8 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR = 5, 1e-3
-"""Largest number of iterations of an update, and change of the motion below which they end [m], [rad]; numerical. The
-error is then about half the square of the change."""
+"""Largest number of iterations of an update, and change of the motion below which iterations end [m], [rad]; numerical.
+The error is then about half the square of the change."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
@@ -31,7 +31,7 @@ LEAST_SEEN = 3
 
 
 SURE = 10.0
-"""A pose change is reported if its squared Mahalanobis norm per degree of freedom exceeds this [1]; choice."""
+"""A pose change is reported if its squared Mahalanobis norm per degree of freedom exceeds this number [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Registration: estimation of the rigid motion from points of a drawn body to the measured points.
+"""Registration: estimation of the rigid motion from points in a body's own coordinates to measured points.
 
 The motion has the largest likelihood under independent Gaussian errors of the measured points, each with its own
 covariance. Newton's method starts from the rotation of [kabsch1976]. Where the likelihood is not convex, a Gauss-Newton
@@ -36,7 +36,7 @@ class RegistrationError(ValueError):
 class Registration:
     """Rigid motion fitted to measured points.
 
-    motion: motion from the drawn points, in the body's own coordinates, to the measured points
+    motion: motion from the body's own coordinates to the coordinates of the measured points
     cov: covariance of the error of translation [m] and rotation [rad], (n, n)
     residuals: measured minus moved points [m], (k, dim)
     residual_covs: expected covariance of each residual, from the covariances of the points [m²], (k, dim, dim)
@@ -70,7 +70,7 @@ class Registration:
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration error at points of the drawn body [m²], (k, dim, dim); drawn: points [m]."""
+        """Covariance of the registration error [m²], (k, dim, dim); drawn: points in the body's own coordinates [m]."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 
@@ -87,7 +87,7 @@ def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
 
 
 def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registration:
-    """The most probable rigid motion, without scale or reflection, from the points of a drawn body to measured points.
+    """The most probable rigid motion, without scale or reflection, from points of a body to measured points.
 
     Parameters
     ----------

@@ -18,11 +18,11 @@ class PoseSettings:
     moved_each_s: mean time between two sudden moves [s]; choice
     wrong_share: share of reference mark measurements that really show another object [1]; choice
     wrong_m: standard deviation of a wrong measurement about the reference mark, on each axis [m]; choice
-    gate: largest normalised innovation squared per degree of freedom without a search for wrong measurements [1];
+    gate: normalised innovation squared per degree of freedom above which wrong measurements are searched for [1];
         choice
     n_hypotheses: largest number of hypotheses [1]; choice
     least: probability of a hypothesis, relative to the best one, below which it is dropped [1]; choice
-    drifted_m, drifted_rad: smallest drift since the last report that is reported [m], [rad]; choice
+    drifted_m, drifted_rad: drift since the last report above which a new report is made [m], [rad]; choice
     """
 
     start_m: float = 1e-3

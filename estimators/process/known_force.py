@@ -38,7 +38,7 @@ class KnownForce:
     def forces(self, states: Floats) -> Floats:
         """Forces on the free coordinates [N], (..., n_free dim), in states (..., n_state) at the start of the step.
 
-        Raises ValueError for forces of another shape, and for forces that are not finite.
+        Raises ValueError if the forces have a shape that `ForceHistory` does not name, or if a force is not finite.
         """
         if callable(self._push):
             return self._flat(self._push(self.time_s - 0.5 * self.dt, states), states.shape[:-1])

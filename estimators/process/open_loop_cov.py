@@ -81,7 +81,7 @@ class OpenLoopCovariance:
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices F, kept, G and Q for a step of dt [s] to a frame with visible marks on the nodes `seen`.
 
-        F (n, n + m), G (n, m): effect on the hidden masses of the last state, and of the errors of the visible marks
+        F (n, n + m), G (n, m): effects of the last state and of the visible marks' errors on the hidden masses
         kept (m,): 0 for coordinates of visible marks, else 1; Q (n, n): covariance due to unknown forces
         """
         n = self._n
@@ -98,8 +98,8 @@ class OpenLoopCovariance:
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices that predict the error of the hidden masses over dt [s].
 
-        Returns the effect of their previous error (n, n), of the errors of the previous marks (n, m) and of the errors
-        of the new marks (n, m), and the noise covariance due to unknown forces (n, n).
+        Returns the effects of the previous error (n, n), of the errors of the previous marks (n, m) and of the errors
+        of the new marks (n, m). The last result is the noise covariance due to unknown forces (n, n).
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m

@@ -15,7 +15,7 @@ from estimators.arrays import Floats
 class TargetPoint:
     """A point of the tissue: the weighted sum of node positions, plus an offset.
 
-    nodes: names of n nodes; weights: weight of each node, (n,), with sum 1. By default the point is one node.
+    nodes: names of n nodes; weights: weight of each node, (n,), with sum 1. A point with one node needs no weight.
     offset_m: constant offset [m], (dim,), zero if empty; sd_m: standard deviation of its error on each axis [m]
     """
 

@@ -47,14 +47,14 @@ class ForwardPass:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """Update with the marks of a frame; returns the filter's estimate and the record for a smoother.
+        """Update with the marks of a frame; returns the filter's estimate and the `Step` for a smoother.
 
         Raises ValueError as the filter does.
         """
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """Update with a direct measurement of the target; returns the filter's estimate and the record."""
+        """Update with a direct measurement of the target; returns the filter's estimate and a `Step`."""
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 

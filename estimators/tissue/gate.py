@@ -1,4 +1,4 @@
-"""Gate for measurements. A measurement outside the gate is rejected, unless the last rejected one is near it."""
+"""Gate for measurements. A measurement outside the gate is rejected, unless the last rejected measurement is near."""
 
 from __future__ import annotations
 

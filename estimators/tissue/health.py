@@ -24,7 +24,7 @@ class Health:
     status: see `Status`
     since_s: time of the first mark after the last start, loss or divergence [s]; None before the first mark
     seen_s: time of the last used mark [s]; -inf before the first mark
-    innovations: frames in the test for divergence: time [s], NIS, degrees of freedom, probability of a disturbance
+    innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) for each frame in the divergence test
     """
 
     status: Status = Status.INITIALISING
@@ -48,8 +48,8 @@ def after_frame(
     disturbance: probability that a disturbance has just moved the tissue
 
     Until marks have been used for confirm_s, the status is INITIALISING. Then it is TRACKING in frames with marks, and
-    COASTING in frames without marks. If no marks are used for longer than lost_s, it is LOST; the next marks lead to
-    INITIALISING. If the sum of the NIS over test_s is too large, or more than two disturbances are probable in this
+    COASTING in frames without marks. If no marks are used for longer than lost_s, it becomes LOST. The next marks lead
+    to INITIALISING. If the sum of the NIS over test_s is too large, or more than two disturbances are probable in this
     time, the status is DIVERGED and the filter restarts. If the filter then agrees with the marks for test_s, the
     status is TRACKING again.
     """

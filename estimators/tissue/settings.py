@@ -11,7 +11,7 @@ from estimators.process.process_model import FixBias, ForceMode
 class FilterSettings:
     """Settings of the filter: assumptions about unknown forces, and thresholds of its tests.
 
-    poked: strength and duration of pokes (brief forces on marked nodes); source: fields of `ForceMode`
+    poked: strength and duration of pokes (brief forces on marked nodes); source: see `ForceMode`
     led_nodes: marked nodes that an external force, such as a gripper's, may drag at any time; source: the scene
     discrepancy: standard deviation of the model's error, relative to the body's extent [1]; source: the scene. If it is
         None, the filter estimates it

@@ -25,7 +25,7 @@ LEFT_OUT = 1e-4
 """Largest share of the mean square displacement that omitted surface forces may cause [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""Signs of the two states whose sum is a force [1]. The first state decays slowly, the second quickly."""
+"""A force is the sum of two states with these signs [1]. The first state decays slowly, the second quickly."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
@@ -38,7 +38,7 @@ FIXED = 1e-6
 
 
 class ContinuumSpan(Span):
-    """Map from coordinates to positions: drawn positions times coordinate 0, plus the displacements of the modes."""
+    """Map from coordinates to positions: `network.positions` times coordinate 0, plus displacements of the modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
@@ -106,7 +106,7 @@ class ContinuumMotion:
             self._constants = -np.tensordot(uncertainty.directions, each, 1)
 
     def moved(self, state: Floats, dt: float) -> Floats:
-        """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""
+        """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""
         motion, fading = self._motion(dt)
         return np.concatenate([motion @ state, fading * state[len(motion) :]])
 
@@ -192,7 +192,7 @@ class ContinuumMotion:
         return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
 
     def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
+        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""
         n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)

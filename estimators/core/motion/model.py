@@ -79,10 +79,10 @@ class Motion(Protocol):
         """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
 
     def moved(self, state: Floats, dt: float) -> Floats:
-        """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""
+        """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""
 
     def along(self, state: Floats, dt: float) -> Along:
         """Linearised motion from a state (2 n + n_f,) over dt [s]."""
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
+        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""

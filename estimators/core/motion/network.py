@@ -41,7 +41,7 @@ RANK = 20
 """Largest number of basis functions of a slow force for each axis; numerical."""
 
 GROWING = (0.5, 5.0, 30.0)
-"""The shapes of a reduced body are its responses to forces that grow at these rates [1/s]; numerical."""
+"""Rates s of forces exp(s t) [1/s]; numerical. The responses to these forces give the shapes of a reduced body."""
 
 LEFT_OUT = 2e-3
 """Largest displacement by an omitted shape, relative to the body's extent [1]; numerical."""
@@ -123,7 +123,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether slow forces act on each free node: on marked nodes, and on all nodes of a flat body in space."""
+        """Whether slow forces act on each free node: on marked nodes, and on all nodes of a flat body in 3-D."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
@@ -132,7 +132,7 @@ class NetworkMotion:
         return pushed
 
     def moved(self, state: Floats, dt: float) -> Floats:
-        """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""
+        """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""
         return self._stepper.moves(state, dt, LONGEST_S, derivatives=False)[-1].state
 
     def along(self, state: Floats, dt: float) -> Along:
@@ -159,7 +159,7 @@ class NetworkMotion:
         return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
+        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         return _pushed(moves, [accelerations] * len(moves))
 
