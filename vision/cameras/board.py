@@ -135,7 +135,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """Corners in the order of the board, which is turned by 180 degrees if necessary."""
+    """Corners in the order of the board. If necessary, the grid is mirrored or turned by 180 degrees."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

@@ -19,7 +19,7 @@ NEWTON_STEPS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Rigid motion from x to rotation x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
+    """Rigid motion: x is mapped to rotation @ x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
 
     rotation: Floats
     translation_m: Floats
@@ -67,7 +67,7 @@ class Lens:
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """Ideal positions, (n, 2), from distorted positions, (n, 2); ValueError for a position without an ideal one."""
+        """Ideal positions, (n, 2), from distorted positions, (n, 2). Raises ValueError if no ideal position exists."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)

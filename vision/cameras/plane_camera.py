@@ -90,11 +90,11 @@ class PlaneCamera:
         return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Positions in the picture [px], (n, 2), of points on the plane [m], (n, 2); ValueError past the horizon."""
+        """Project points on the plane [m], (n, 2), to the picture [px], (n, 2). Raises ValueError past the horizon."""
         return self._seen(points_m)[0]
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points on the plane [m], (n, 2), from positions in the picture [px], (n, 2); ValueError past the horizon."""
+        """Map positions in the picture [px], (n, 2), to the plane [m], (n, 2). Raises ValueError past the horizon."""
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:

@@ -1,7 +1,7 @@
 """Triangulation of points from the pictures of several cameras, with covariances.
 
-Any subset of the cameras may see a point. The result minimises the sum of squared distances in the pictures. The
-iteration starts from the plain triangulation, which is the point nearest to the rays in space [hartley2004].
+Any subset of the cameras may see a point. The result minimises the sum of the squared normalised residuals in
+the pictures. The iteration starts from the plain triangulation: the point nearest to the rays in space [hartley2004].
 """
 
 from __future__ import annotations
@@ -103,8 +103,8 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
     start_m: initial positions, also used as a further measurement of each point [m], (n, 3)
     start_sd_m: standard deviation of start_m on each axis [m]. A good value is the size of the body: then start_m
-        hardly affects a point that two cameras see. If one camera sees a point, the point's error along the camera's
-        ray is about start_sd_m.
+        hardly affects a point that two cameras see. If only one camera sees a point, the point's error along the
+        camera's ray is about start_sd_m.
 
     If a step would move a point behind one of its cameras, the point's misfit is inf.
     Raises ValueError if start_sd_m is infinite and fewer than two cameras see a point.
@@ -154,7 +154,8 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
     Row i of all arrays belongs to one independent error. If this error does not affect a camera, the camera's row i is
-    zero. Cameras are assumed to share errors if their calibrations have equal numbers of rows, and more than 15.
+    zero. If the calibrations of several cameras have the same number of rows, and this number exceeds 15, these
+    cameras are assumed to share their errors.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}

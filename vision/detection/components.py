@@ -263,7 +263,7 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels fill a disc of any size with the shape of an outline; False for too few pixels.
+    """Whether pixels fill the whole area of an outline, scaled by any factor; False for too few pixels.
 
     The second moments of a disc of area A about its centre sum to A² / (2 pi). Other shapes have a larger sum.
     """

@@ -26,7 +26,8 @@ def detect_isolated(
 ) -> list[Detection | None]:
     """Detect in each region the one completely visible mark of the expected hue.
 
-    If such a mark is not certain, the result for the region is None; `detect_marks` may then find the mark.
+    If no single, completely visible mark is found in a region, the result for this region is None. `detect_marks` may
+    then find the mark.
     regions: left, top, width, height [px]; expected: the mark of each region
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]

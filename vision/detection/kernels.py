@@ -778,7 +778,7 @@ def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits
     """The one mark in each of n boxes: whether it was found and is completely visible, (n,), and numbers, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
-    classes: number of the class, and least number of a mark's pixels, (n, 2)
+    classes: class of each mark, and least number of pixels of each mark, (n, 2)
     palette: table, least_value and least_saturation of `classify`
     outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
     covering: border around a mark [px], and the parameters settings and fit_pixels of `covered`

@@ -1,7 +1,7 @@
 """Outline of a mark. The visible part of the outline gives the centre of a partly covered mark.
 
-If a needle or a hand covers part of a mark, the centre of gravity of its pixels is not its centre. The longer the
-visible part of the outline, the more accurate is the centre. Image axes: u right, v down, in pixels.
+If a needle or a hand covers part of a mark, the centre of gravity of the visible pixels is not the mark's centre. The
+longer the visible part of the outline, the more accurate is the centre. Image axes: u right, v down, in pixels.
 """
 
 from __future__ import annotations

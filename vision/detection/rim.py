@@ -96,7 +96,7 @@ def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
-    """Fit a circle to steps. Returns score, circle (x, y, size), covariance of x, y, share of rays with a used step."""
+    """Fit a circle to steps. Returns score, circle (x, y, size), covariance of (x, y), share of used rays."""
     wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
     limit, narrowest = wide, narrow_px / scale

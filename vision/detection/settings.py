@@ -1,7 +1,7 @@
 """Settings of mark detection.
 
-Lengths in [sizes] are relative to the half axes of the mark's outline. A component is a group of connected pixels that
-have the colour of a mark.
+Lengths with the unit [sizes] are multiples of the half axes of the mark's outline. A component is a group of connected
+pixels that have the colour of a mark.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class CoverageSettings:
     grow_px: distance over which lens, colour mosaic and compression blur the picture [px]; choice. The mark's edge may
         be this far outside the component. Noise is correlated over this distance.
     pad_px: width of the examined border around the component [px]; choice. Its outer part shows background.
-    core_px: distance from the component's edge, inward, from which on pixels show only the mark [px]; choice
+    core_px: distance from the component's edge to its core [px]; choice. The pixels of the core show only the mark.
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
     edge_gain: ratio of alpha's variance at the mark's edge to the variance of half the difference between opposite
@@ -42,7 +42,7 @@ class OutlineSettings:
 
     Edge points are searched on rays that begin in the middle of the visible part of the mark.
     reach: length of the rays [sizes]; choice
-    near_px: largest distance between the fitted outline and an edge point that is on the outline [px]; choice
+    near_px: largest distance from the fitted outline at which an edge point counts as on the outline [px]; choice
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
     highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice
     edge_sd_px: least standard deviation of an edge point [px]; choice
@@ -87,8 +87,8 @@ class RimSettings:
         weighted by the contrast of its step.
     min_share_alone: least share of rays with a step on the outline, for a mark that is detected by its rim alone [1];
         choice
-    smear_gain: added variance of the centre, relative to the variance of the pixels' positions due to motion [1];
-        choice
+    smear_gain: added variance of the centre, relative to the variance that motion adds to the positions of the mark's
+        pixels [1]; choice
     shading: added standard deviation of the centre of a completely visible shaded ball [sizes]; choice
     """
 
@@ -129,7 +129,7 @@ class CenterSettings:
     min_area: least area of a component, relative to the mark's area [1]; choice. The largest area is 1 / min_area.
     grain_noise: noise, relative to contrast, above which errors along an outline are correlated [1]; choice
     grain_gain: largest relative increase of the covariance of an outline's centre due to correlated errors [1]; choice
-    blurred: second moments of the pixels of a mark without motion, relative to those of its outline [1]; choice
+    blurred: second moment of the pixels of a mark at rest, relative to the second moment of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -169,8 +169,8 @@ class HueLearningSettings:
     max_distance: largest difference between colours of a mark, relative to the colour's distance from grey [1]; choice
     sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
     min_width_deg: least half width of a learned range [degrees]; choice. The largest half width is sds * min_width_deg.
-    paler, darker: least saturation and least value of marks, relative to their 5th percentiles in the pixels [1];
-        choice
+    paler, darker: least saturation and least value of marks, relative to the 5th percentile of the saturation and of
+        the value of the learned pixels [1]; choice
     """
 
     window_px: int = 8

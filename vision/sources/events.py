@@ -59,7 +59,7 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def origin_s(self) -> float:
-        """Exposure time of a frame at time 0 of a played film [s]; 0 for other sources."""
+        """Clock time at which time 0 of a film is played [s]; 0 for other sources."""
 
     @property
     def ended(self) -> bool:

@@ -32,14 +32,14 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 class DeviceTimes:
     """Rule for the exposure times of a device: half a frame interval before the frame was complete.
 
-    Devices do not report how long exposure and read-out take. Half the median frame interval is assumed. At first, a
-    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, a frame
-    is assumed to be complete at its device time plus the least delay of the last remembered_frames frames. The device
-    time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. Device times are plausible if they
-    increase, and if the delays vary by at most clock_error_s.
+    Devices do not report how long exposure and read-out take. Half the median frame interval is assumed. The device
+    time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. At first, a frame is assumed to be
+    complete at its arrival time. After settled_frames plausible device times in a row, a frame is assumed to be
+    complete at its device time plus the least delay of the last remembered_frames frames. Device times are plausible
+    if they increase, and if the delays vary by at most clock_error_s.
 
-    late_s: increase of the delay [s]; 0 if it is at most settings.blocked_s. Either frames wait in a queue, or the
-        device's clock was set back.
+    late_s: increase of the delay [s], because frames wait in a queue or because the device's clock was set back; 0 for
+        an increase of at most settings.blocked_s
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -146,9 +146,9 @@ class FilmTimes:
     """Exposure times of a film's frames, from 0 on [s].
 
     If a frame's time in the container differs from index / rate by at most `ROUNDING_S`, index / rate is used.
-    Otherwise, the time in the container is used. If a time in the container is not finite or does not increase,
-    index / rate is used from this frame on. If there is no rate, or if a time in the container was used before,
-    ValueError is raised instead.
+    Otherwise, the time in the container is used. A time in the container is invalid if it is not finite or does not
+    increase. From the first invalid time on, index / rate is used. If there is no rate, or if the container's
+    time was used for an earlier frame, an invalid time raises ValueError.
     """
 
     def __init__(self, rate: float) -> None:

@@ -64,7 +64,7 @@ class LiveFrames(Closing):
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for faults
     clock, nap: the monotonic clock [s], and a function that pauses; default of nap: a pause that `close()` ends
-    origin: function that returns `origin_s`
+    origin: function that returns the clock time at which time 0 of a film is played [s]; default: 0
     waits: whether reading begins with the first call of `next`, as for a film; if not, it begins at once
 
     If the source cannot be opened at first, `next` raises SourceError. If the source fails later, it is reopened.

@@ -66,7 +66,7 @@ class SegmentWriter:
 
 
 def segments_in(folder: FilePath) -> list[Path]:
-    """The complete pieces in a folder, in order. Raises SourceError if there are none, or if a number is missing."""
+    """Complete pieces of a film in a folder, in order. Raises SourceError if there are none, or if one is missing."""
     paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")

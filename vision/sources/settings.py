@@ -22,15 +22,15 @@ class SourceSettings:
     slow_intervals: longest interval that is no fault, relative to the median interval [1]; choice
     settled_frames: number of frames for the median interval [1]; choice. Device times are used after this number of
         plausible device times in a row.
-    stuck_frames: number of frames in a row without an increasing time after which arrival times are used [1]; source: a
+    stuck_frames: arrival times are used if the times of this number of successive frames do not increase [1]; source: a
         fault is to be reported within 200 ms or three frames. The test for lost pictures uses this number of intervals.
-    clock_error_s: largest variation of the arrival time minus the device time [s]; choice
+    clock_error_s: largest variation of the delay, which is the arrival time minus the device time [s]; choice
     uneven_s, uneven_share: largest deviation of an even interval from a multiple of the median interval, as a time [s]
         and as a share of the median interval [1]; choice. The larger one applies. After an uneven interval, arrival
         times do not determine exposure times.
     even_s: time without uneven intervals, or without lost pictures, after which the fault ends [s]; choice
-    remembered_frames: number of last frames whose least delay relates the device's clock to the monotonic clock [1];
-        choice
+    remembered_frames: number of last frames among which the least delay is searched [1]; choice. The least delay is
+        taken as the offset between the device's clock and the monotonic clock.
     backlog: largest number of frames of a device that wait if every frame is to be delivered [1]; choice
     sharp_frames: number of frames of a film that a calibration uses [1]; choice. The film is divided into this number
         of equal parts, and the sharpest frame of each part is used.

@@ -60,8 +60,9 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film, then rename it to its final name; sync: whether to write it to the disk before renaming.
+        """Finish the film, then rename the file to its final name.
 
+        sync: whether to write the file to the disk before it is renamed
         If frames are missing, for example because the disk is full, the film is deleted, and SourceError is raised.
         If this call is interrupted, it can be repeated.
         """

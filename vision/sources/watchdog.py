@@ -96,8 +96,8 @@ class FrozenValues:
     """Detects a source that repeats old frames.
 
     A frame is a repeat if its values equal those of one of the last `IN_TURN` frames. New values contain noise, and
-    therefore almost never repeat. But some senders send each frame several times. The source is frozen if a frame is
-    repeated at least settings.stuck_frames - 1 times more often than the median frame.
+    therefore almost never repeat. But some senders send each frame several times. The source is frozen if a frame
+    has at least settings.stuck_frames - 1 more repeats than the median frame.
 
     frozen: whether the source is frozen now
     """
@@ -134,10 +134,10 @@ class FrozenValues:
 class SparsePictures:
     """Detects from exposure times that at least half of the pictures are lost.
 
-    A gap is an interval of more than 1.5 median intervals. The fault begins if the last n = `settings.stuck_frames`
-    intervals together last at least 2 n median intervals, and at least two of them are gaps. The fault ends after
-    `settings.even_s` without a gap. An interval below half the median interval shows that pictures waited for a late
-    reader. Earlier intervals are then not tested.
+    A gap is an interval of more than 1.5 median intervals. Let n be `settings.stuck_frames`. The fault begins if the
+    sum of the last n intervals is at least 2 n median intervals, and at least two of these intervals are gaps. The
+    fault ends after `settings.even_s` without a gap. An interval below half the median interval shows that pictures
+    waited for a late reader. Earlier intervals are then not tested.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:

@@ -175,7 +175,7 @@ def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture
 
 
 def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture:
-    """Smooth random numbers with mean 0 and standard deviation 1, (height, width)."""
+    """Smoothed random numbers with mean 0 and standard deviation 1, (height, width)."""
     width, height = size_px
     step = max(1.0, grain_px / 2.0)
     coarse = (max(8, int(np.ceil(width / step))), max(8, int(np.ceil(height / step))))

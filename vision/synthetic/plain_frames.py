@@ -140,9 +140,9 @@ def distractors(
 def paper_camera() -> Lighting:
     """Lighting with which detected marks have the error of [paper], 4.14 mm, in films of MJPG quality 60.
 
-    Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error. Most
-    of the error is a random shift of the marks, because so much sensor noise would hide marks. The scene of the film
-    must state this shift in calibration_sd_px.
+    Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error.
+    Sensor noise that causes this error would hide the marks. Most of the error is therefore a random shift of the
+    marks. The scene of the film must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
@@ -196,7 +196,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """The share of each pixel between two corners that the disc covers, averaged over the exposure."""
+    """Share of each pixel that the disc covers, averaged over the exposure; low, high: first pixel, last pixel + 1."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)

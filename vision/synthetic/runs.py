@@ -161,7 +161,7 @@ def synthetic_run(
 
 
 def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
-    """For each of n marks, a motion with random speed near the middle of one tile of the picture."""
+    """Random motions of n marks. Each mark has its own tile of the picture, and moves near the middle of this tile."""
     n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
     tile = np.array(view.size_px) / (n_across, n_down)

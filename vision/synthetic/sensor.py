@@ -53,7 +53,7 @@ class Sensor:
 
 
 def srgb_of(light: ArrayLike) -> Floats:
-    """Convert linear light to sRGB values (IEC 61966-2-1), both from 0 to 1, (...).
+    """Convert linear light to sRGB values (IEC 61966-2-1). Both are arrays (...) of any shape, from 0 to 1.
 
     >>> round(float(srgb_of(0.18)), 3)
     0.461
@@ -63,13 +63,13 @@ def srgb_of(light: ArrayLike) -> Floats:
 
 
 def light_of(srgb: ArrayLike) -> Floats:
-    """Convert sRGB values to linear light, both from 0 to 1, (...). It is the inverse of `srgb_of`."""
+    """Convert sRGB values to linear light. Both are arrays (...) of any shape, from 0 to 1."""
     y = np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
     return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
 
 
 def develop(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Image:
-    """Picture, (height, width, 3) uint8, from linear light, (height, width, 3) float32. A mosaic needs even sizes."""
+    """Convert linear light, (height, width, 3) float32, to uint8 levels. A mosaic needs an even height and width."""
     height, width = light.shape[:2]
     if sensor.bayer and (height % 2 or width % 2):
         raise ValueError(f"light: expected an even width and height for a mosaic, found {width} x {height}")

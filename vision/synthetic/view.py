@@ -66,7 +66,7 @@ class SyntheticView:
             raise ValueError("view translation_m: expected the lens off the plane, found it in the plane")
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projections of points on the plane [m], (n, 2), to the picture [px], (n, 2); ValueError behind the lens."""
+        """Project points on the plane [m], (n, 2), to the picture [px], (n, 2). Raises ValueError behind the camera."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         before = p @ self.rotation[:, :2].T + self.translation_m
         if not (before[:, 2] > 0).all():
@@ -82,7 +82,7 @@ class SyntheticView:
         return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points on the plane [m], (n, 2), from positions in the picture [px], (n, 2); ValueError past the horizon."""
+        """Map positions in the picture [px], (n, 2), to the plane [m], (n, 2). Raises ValueError past the horizon."""
         rays = self.rays(points_px)
         directions = np.column_stack([rays, np.ones(len(rays))])
         normal = self.rotation[:, 2]

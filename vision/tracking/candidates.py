@@ -40,7 +40,7 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """Least score of a match [1]. If color_distance exceeds 1, it is score * color_distance ** 2."""
+    """Least score of a match [1]: `score`, multiplied by color_distance ** 2 if color_distance exceeds 1."""
     return score * max(color_distance, 1.0) ** 2
 
 
@@ -59,8 +59,9 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """Detection of a mark at a match with a fitted colour. If a rim is near, the mean of both centres is used.
+    """Detection of a mark at a match with a fitted colour.
 
+    If a rim is near the match, the mean of the match's centre and the rim's centre is used.
     frame_bgr: (height, width, 3) uint8
     """
     seen, limits = detection_at(match, one, settings.candidates), settings.candidates

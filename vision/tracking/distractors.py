@@ -122,7 +122,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether to report a new object. n: number of its sampled pixels; mark: number of sampled pixels in a mark."""
+        """Whether to report a new object, if n sampled pixels have the hue and a mark has `mark` sampled pixels."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -154,7 +154,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """For each hue, a mask (1 or 0) of the sampled pixels that have this hue and are connected, (h, w) uint8."""
+    """For each hue, a mask (1 or 0) of the sampled pixels with this hue, without isolated pixels, (h, w) uint8."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)

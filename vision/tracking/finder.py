@@ -52,7 +52,7 @@ class MarkFinder:
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
-        expected_after_impulse: function that returns the expected position of a mark after an impulse, by its name
+        expected_after_impulse: function from the name of a mark to its expected position after an impulse
         """
         search = Search(
             frame_bgr,

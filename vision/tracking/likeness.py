@@ -73,7 +73,7 @@ def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """Weighted squared distance between a pixel and a colour; below 1, both are similar. weight: (3,)."""
+    """Weighted squared distance between a pixel's colour and `color`; similar colours are less than 1 apart."""
     b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
     return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
@@ -127,7 +127,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """Comparison as in `likeness`, at every `step`-th position, with a fit of the mark's median colour."""
+    """Fit the mark's colour to the picture at every `step`-th position, then compare as in `likeness`."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box

@@ -88,15 +88,15 @@ class CandidateSettings:
     share: least share of similar pixels in the mark [1]; choice
     free: similarity between ring and mark below which the ring is certainly background [1]; choice
     free_share: least share of similar pixels in the mark if the ring is certainly background [1]; choice
-    other_margin: margin of the limits for a fitted colour [1]; choice. The least score is larger by this margin. The
-        similarity between ring and mark must be at most minus this margin.
+    other_margin: increase of the least score if the mark's colour is fitted [1]; choice. The similarity between ring
+        and mark must then be at most -other_margin.
     min_sd_px, max_sd_px: least and largest standard deviation of a match's centre [px]; choice
     best_score: least score at which the standard deviation of the centre is min_sd_px [1]; choice
     growth: increase of the logarithm of the centre's standard deviation per unit of score below best_score [1]; choice
-    rim_gain: added standard deviation of the mean of a match's centre and a rim's centre, relative to their distance
-        [1]; choice
-    shared: factor on the covariance of the mean of a detection and a match, because their errors are correlated [1];
-        choice
+    rim_gain: standard deviation that is added if a match's centre is averaged with a rim's centre, relative to the
+        distance between these centres [1]; choice
+    shared: factor on the covariance of a centre that combines a detection with a match [1]; choice. The errors of the
+        detection and of the match are correlated.
     """
 
     score: float = 0.55
@@ -122,7 +122,7 @@ class TemplateSettings:
     refresh: number of frames after which a new view replaces the oldest view [1]; choice
     forget: number of frames without a new view after which a model is deleted [1]; choice
     near_px: largest distance between the centres of a detection and of a match that agree [px]; choice
-    plain_score: least score of a match near a detection after which no other positions are compared [1]; choice
+    plain_score: least score at which a match near a detection is accepted without a search elsewhere [1]; choice
     """
 
     clear_sd_px: float = 0.15

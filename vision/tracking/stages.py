@@ -109,7 +109,7 @@ class Stage:
     reason: Reason | None = None
 
     def run(self, search: Search) -> None:
-        """Add accepted candidates to `search.found`. If a candidate with a name is rejected, its mark is removed."""
+        """Update `search.found`: add accepted candidates, and delete the names of rejected candidates."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
@@ -130,7 +130,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks that are alone in their search region; none if a mark was missed in the last frame."""
+    """Marks that are alone in their search region, if all marks were found in the last frame."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]

@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """End a frame. Delete each model without a new view for `TemplateSettings.forget` frames."""
+        """Count a frame. Then delete each model that got no new view in more than `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
