@@ -1,4 +1,4 @@
-"""Threads: limit libraries to one thread each, as arrays are small, and compute items of an iterator in advance."""
+"""Threads. Each library uses one thread, because arrays are small. A thread computes the next items of an iterator."""
 
 from __future__ import annotations
 

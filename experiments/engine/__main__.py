@@ -15,7 +15,7 @@ from experiments.errors import InputError, read_text
 
 
 def repeat(path: Path) -> object:
-    """Repeat the failed run that a file describes, and return its result. Raises InputError for another file."""
+    """Repeat the failed run of a record file, and return its result. Raises InputError if the file has no record."""
     try:
         record = json.loads(read_text(path))
         work, case = named_work(record["work"]), record["case"]

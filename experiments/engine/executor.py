@@ -1,7 +1,7 @@
 """Execution of runs, in this process or by the workers of Dask.
 
 Runs are sent to workers in batches. A batch ends after BATCH_S; its remaining runs are sent again. If workers die
-during a batch, each of its runs is repeated alone at the end. If workers die again during a run, this run has failed.
+during a batch, its runs are repeated one by one after all other runs. If workers die again, the repeated run failed.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes in a returned batch; singly: whether the batch is one repeated run. Other runs wait again."""
+        """The outcomes in a returned batch; runs without outcome wait again. singly: True for one repeated run."""
         from distributed import CancelledError, KilledWorker
 
         try:

@@ -59,7 +59,7 @@ def last_line(fault: BaseException) -> str:
 
 
 def importable(work: Work) -> Work:
-    """The same function, imported under its module's name instead of `__main__`, for use in other processes.
+    """The function `work`, imported under its module's name instead of `__main__`, for use in other processes.
 
     Raises ValueError if other processes cannot import it.
     """
@@ -83,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """Name of the module of a function; for a `functools.partial`, of a function in its keywords, if there is one."""
+    """Name of a function's module; for a `functools.partial` with a function as keyword, that function's module."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)

@@ -35,7 +35,7 @@ KEPT = "kept"
 """Name of the subfolder of a study's folder with the results of all runs; each of its files is called a part."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between the writing of two parts [s], and its least ratio to the time since the start of the study [1];
+"""Least time between the writing of two parts [s]; least ratio of this time to the time since the study's start [1];
 choice: about a thousand parts per day."""
 
 
@@ -131,8 +131,8 @@ def run_study(
 ) -> Study:
     """Do the runs that failed or are missing in the folder, and write the folder's table.
 
-    work: function of a case that returns a row of the table, as a mapping, or a list of rows
-    cases: different mappings of JSON types; their top-level numbers and texts become columns
+    work: function whose argument is a case, and whose result is a row of the table, as a mapping, or a list of rows
+    cases: mappings of JSON types, no two of them equal; their top-level numbers and texts become columns
     advance: called with the completed share
 
     Raises InputError for a missing extra or scheduler, and ValueError for two equal cases.
@@ -172,7 +172,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError for no rows, and for a column that the case or the engine also has."""
+    """The rows of a run. Raises ValueError if there are no rows, or if a column belongs to the case or the engine."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:
@@ -213,7 +213,7 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
     """The rows of the runs with these keys, in the order of the keys.
 
-    If a run was done several times, the rows of only one result are used, if possible of a success.
+    If a run was done several times, the rows of one result are used: of a success, if there is one.
     """
     if kept is None:
         return table_of([])

@@ -68,7 +68,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The wanted workers, but OWN_PROCESS in place of ALL_CORES for few runs or without the extra `cluster`."""
+    """The wanted workers. For few runs, or without the extra `cluster`, OWN_PROCESS replaces ALL_CORES."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -81,7 +81,7 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
 def connected(workers: Workers, module: str) -> Iterator[Client]:
     """A Dask client of the workers. A local cluster is closed at the end. Raises InputError.
 
-    module: name of a module that local processes get already imported
+    module: name of a module to import before local workers are forked, so that they start fast
     """
     require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client

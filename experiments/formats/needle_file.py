@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The needle for estimators; `force_sd` is that of a uniformly distributed relative error of the force."""
+        """The needle for estimators; `force_sd` is the standard deviation of uniformly distributed relative errors."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,

@@ -44,7 +44,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: permitted entries on a segment in the plane, or in a box in space; about n of them are tried."""
+    """`[entry]`: permitted entries, on a segment in the plane or in a box in space; the plan tries about n entries."""
 
     from_mm: Coordinates
     to_mm: Coordinates

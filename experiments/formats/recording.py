@@ -228,7 +228,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Index of the frame that is nearest to each time, (n,), and the difference of both times [s], (n,)."""
+    """For each time the index of the nearest frame, (n,), and the distance in time from this frame [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)

@@ -21,13 +21,13 @@ STEPS = "STEPS.md"
 """Name of the file in a project's scenario folder that lists the project's steps."""
 
 MOST_STEPS = 1_000_000
-"""Largest number of frames, of samples of a tremor, or of pokes: 9 hours at 30 frames/s. More are a typing error."""
+"""Largest number of frames, tremor samples or pokes: 9 hours at 30 frames/s. A larger number is a typing error."""
 
 PAPER_SD_MM = 4.14
 """Standard deviation of the marks in [paper] on each axis [mm]."""
 
 NEAR_SD_MM = 0.5
-"""Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
+"""Default standard deviation of marks for a user's scene [mm], as for a webcam close to a phantom, or a tracker."""
 
 OPPOSITE = np.cos(np.radians(179.0))
 """Cosine of 179 degrees: directions at a larger angle count as opposite."""
@@ -45,9 +45,9 @@ determines the true constants; the filter uses those of the scene."""
 
 
 class SeenMarks(Strict):
-    """Simulated errors of marks without a film.
+    """Errors of simulated marks in a recording without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, which all methods know; by default the value of [paper]
+    sd_mm: standard deviation of a mark's error on each axis, known to all methods; by default the value of [paper]
     lost: share of missing marks; outliers: share of marks that are 30 to 150 mm from the true position
     """
 
@@ -57,7 +57,7 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """Simulated errors of marks without a film, and hue and diameter of the phantom's discs.
+    """Errors of simulated marks in a recording without a film; hue and diameter of the phantom's discs.
 
     The phantom has a disc on each free node. The disc on the hidden node only serves to score estimates.
     """
@@ -81,8 +81,9 @@ class Camera(Strict):
 class Video(Strict):
     """Format of the film.
 
-    light: light of the film; distractors: number of objects of other hues (for the phantom, [camera] has both keys)
+    light: light of the film; distractors: number of objects whose hues differ from those of marks
     stagger_s: delay between the exposures of successive cameras in space
+    For the phantom, [camera] has the keys light and distractors instead.
     """
 
     light: Light = "webcam"
@@ -151,12 +152,12 @@ class Scenario(Strict):
 
     @property
     def distractors(self) -> int:
-        """Number of objects of other hues in view."""
+        """Number of visible objects whose hues differ from those of the marks."""
         return self.video.distractors if self.camera is None else self.camera.distractors
 
     @property
     def seen(self) -> SeenMarks:
-        """Simulated errors of marks without a film."""
+        """Errors of simulated marks in a recording without a film."""
         usual = PAPER_SD_MM if self.scene is None else NEAR_SD_MM
         sd_mm = usual if self.marks.sd_mm is None else self.marks.sd_mm
         return SeenMarks(sd_mm=sd_mm, lost=self.marks.lost, outliers=self.marks.outliers)

@@ -55,7 +55,7 @@ class SweepFile(Strict):
 class Setup:
     """One combination of values from a grid.
 
-    at: value of each key of the grid; other attributes: checked tables in which these values replace others
+    at: value of each key of the grid; scenario, filter, marks, model: checked tables with these values
     """
 
     at: Mapping[str, Any]

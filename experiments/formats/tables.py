@@ -195,7 +195,7 @@ def _check_once(path: Path, header: Sequence[str], column: str) -> None:
 
 
 def _numbers(entries: Sequence[str]) -> Floats:
-    """The entries as numbers, NaN for those that are none."""
+    """The entries as numbers; NaN for an entry that is not a number."""
 
     def number(entry: str) -> float:
         # Python also reads 1_000 and digits of other scripts as numbers; here they are errors

@@ -76,7 +76,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion that follows advice; between_s: its start, and the latest time of its arrival [s]."""
+    """Result of an insertion that follows advice. between_s: start of the insertion, and latest time of arrival [s]."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -116,7 +116,7 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
     """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and difference.
 
-    The difference is the hit rate minus the mean predicted probability; it has a standard deviation.
+    The difference is the hit rate minus the mean predicted probability. Its standard deviation follows it.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]

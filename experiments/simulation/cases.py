@@ -19,10 +19,10 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
-"""First seed of results; smaller seeds served to choose settings."""
+"""Smallest seed of reported runs. Settings were chosen with smaller seeds."""
 
 BREATHING_WARM_S = 12.0
-"""Time in which the filter processes marks before a needle may start, in breathing tissue [s]; choice: two breaths."""
+"""Time in which the filter processes marks of breathing tissue before a needle may start [s]; choice: two breaths."""
 
 ENTRY_M = (0.015, 0.020)
 """Vector from the resting target to the needle's entry in the phantom [m], 25 mm long; a parameter of the study."""
@@ -31,7 +31,8 @@ SPEED_M_S = 0.05
 """Speed of a needle without a file [m/s]."""
 
 DEEPEST_M = 0.06
-"""Largest depth of a needle in the phantom [m]; a deeper needle retracts or has missed; a parameter of the study."""
+"""Largest depth of a needle in the phantom [m]; beyond it the insertion ends or the needle retracts; a parameter of the
+study."""
 
 BEYOND_M = 0.035
 """Largest distance of a needle's tip beyond the resting target in a user's scene [m]; a choice."""
@@ -110,8 +111,8 @@ def case_of(
     """The case of a scenario, with the first seed; raises InputError if the files do not fit together.
 
     scene_path: file of the scene that the filter uses; by default the filter uses the scenario's scene
-    speed_m_s: speed of the needle that replaces that of the needle file [m/s]
-    radius_m: radius of the lesion that replaces that of the needle file [m]
+    speed_m_s: needle speed [m/s], in place of the speed in the needle file
+    radius_m: lesion radius [m], in place of the lesion in the needle file
     """
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
@@ -159,7 +160,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene; if it has a mesh, with added points on the needle's line; line: ends of this line [m], (2, dim)."""
+    """The scene. If it has a mesh, points on the needle's line are added. line: ends of this line [m], (2, dim)."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)

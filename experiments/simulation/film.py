@@ -53,7 +53,7 @@ def hues_of(scene: Scene) -> list[float]:
 def draw(
     scene: Scene, positions: Floats, lighting: vision.Lighting, rng: np.random.Generator, *, strays: list[vision.Disc]
 ) -> NDArray[np.uint8]:
-    """One picture of the scene with nodes at these positions [m], (n_nodes, dim); strays: discs of other objects."""
+    """One picture of the scene with nodes at these positions [m], (n_nodes, dim); strays: discs that are not marks."""
     camera, network = scene.cameras[0], scene.network
     places = camera.project(positions)
     lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
@@ -80,7 +80,7 @@ def draw_in_space(
     """A camera's picture of the marks that face it.
 
     positions: positions of the nodes [m], (n_nodes, 3)
-    strays: discs of other objects; covered: nodes whose marks are covered
+    strays: discs that are not marks; covered: nodes whose marks are covered
     """
     network = scene.network
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]
@@ -108,7 +108,7 @@ def write_films(
 ) -> None:
     """Write `video.avi` and `frames.csv`; in space, `video.NAME.avi` and `frames.NAME.csv` for each camera.
 
-    times_s: exposure times of each camera [s], all of which `truth` has; advance: called with the completed share
+    times_s: exposure times of each camera [s]; `truth` must have them all; advance: called with the completed share
     """
     rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the file format has no lower rate; frames.csv has the times
     stored, done, n_frames = scenario.video, 0, sum(map(len, times_s))

@@ -114,7 +114,7 @@ def press_force(network: MassSpringNetwork, press: Press) -> Force:
 
 
 def _risen(share: float) -> float:
-    """A smooth rise from 0 at share 0 to 1 at share 1: half a period of a cosine."""
+    """A smooth rise from 0 to 1 while `share` rises from 0 to 1: half a period of a cosine."""
     return 0.5 - 0.5 * float(np.cos(np.pi * np.clip(share, 0.0, 1.0)))
 
 

@@ -19,7 +19,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay of drawing after which the phantom still catches up with the clock [s]; choice: this takes 0.4 s."""
+"""Longest delay of drawing after which the phantom catches up with the clock [s]; choice: to catch up takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Relative tolerance [1], absolute tolerance [m, m/s] and longest step [s] of the integrator. The step is the interval

@@ -151,7 +151,7 @@ class Paper(Rest):
 class Warm:
     """A filter after the warm-up.
 
-    then: the filter's state; tables, of_advice: prediction tables for the policies, and for `softaim advise`
+    then: the filter's state; tables: prediction tables for policies; of_advice: prediction tables for `softaim advise`
     """
 
     tissue: TissueFilter
@@ -187,14 +187,14 @@ class Filtered(Policy):
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
-        """Reason why the filter's last estimate cannot be used; None if it can, see `health_fault`."""
+        """Reason why the filter's last estimate cannot be used, see `health_fault`; None if there is no reason."""
         return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
 
 
 class Ahead(Filtered):
     """Policy: aim at the target's predicted position at the needle's arrival.
 
-    While the breathing model is valid, the prediction is a mixture of the filter's and the breathing model's.
+    While the breathing model is valid, the prediction is a mixture of the predictions by this model and by the filter.
     """
 
     name = "filter-ahead"
@@ -210,7 +210,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """The filter's predicted path. While the breathing model is valid, a mixture with this model's path."""
+        """The filter's predicted path, or its mixture with the breathing model's while that model is valid."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -221,7 +221,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's predicted density. While the breathing model is valid, a mixture with this model's density."""
+        """The filter's predicted density, or its mixture with the breathing model's while that model is valid."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own

@@ -44,14 +44,14 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Displacement that the filter assumes its model leaves out, relative to the phantom's extent [1]; choice: the model of
+"""Error of the phantom's model that the filter assumes, relative to the phantom's extent [1]; choice: the model of
 a simulated phantom is exact."""
 
 TRUTH = 0.2
 """If a film is written, share of the progress that is reported when the true motion is complete [1]."""
 
 STIFF_S = 1e-4
-"""If the longest stable step is shorter [s], the implicit integrator is used, otherwise the explicit one; numerical."""
+"""If the longest stable step is shorter than this [s], the integrator is implicit, otherwise explicit; numerical."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -99,7 +99,7 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
 
 
 def kept_motion(path: Path, network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """The result of `true_motion`, from a cache file of positions (.npy). A missing file is computed and written."""
+    """The result of `true_motion`, from a cache file of positions (.npy). If the file is missing, it is written."""
     if path.exists():
         return Truth(exposures(scenario), np.load(path))
     motion, content = true_motion(network, scenario, rng), io.BytesIO()
@@ -119,7 +119,8 @@ def true_motion(
 ) -> Truth:
     """True motion of the free nodes under the scenario's forces; raises InputError.
 
-    A network without anchors moves without gravity (`supported`). advance: called with the completed share
+    A network without anchors moves without gravity (`supported`).
+    advance: called with the completed share
     times_s: times of the positions [s], (n,); by default, the scenario's exposure times
     """
     times = exposures(scenario) if times_s is None else times_s

@@ -58,7 +58,7 @@ def read_poses(path: Path, individual: str | None = None) -> PoseTable:
 
 
 def _check_text(path: Path) -> None:
-    """Raise InputError for the trackers' other file formats."""
+    """Raise InputError for an HDF5 file, which pose trackers also write."""
     try:
         with path.open("rb") as file:
             first = file.read(len(HDF5))

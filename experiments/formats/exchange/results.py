@@ -51,7 +51,7 @@ class Results:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates(Results):
-    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim); missing numbers are NaN."""
+    """Rows of estimates.csv: means [m], (n_rows, dim), and covariances [m²], (n_rows, dim, dim); NaN if missing."""
 
     means: Floats
     covs: Floats

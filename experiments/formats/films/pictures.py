@@ -89,7 +89,7 @@ def check_pictures(
     """Raise InputError if the number of the pictures or their size is wrong, or if pictures are missing.
 
     times: the file of exposure times, for messages
-    size_px: size of the pictures that the scene states; place: key with this size, for messages
+    size_px: picture size in the scene file; place: key with this size, for messages
     """
     with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)

@@ -29,7 +29,7 @@ SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFilm:
-    """The film of one camera; source: video file, or folder of pictures; exposures_s: exposure times [s], (n,)."""
+    """The film of one camera, with its exposure times [s], (n,); `source` is a video file or a folder of pictures."""
 
     camera: str
     source: Path
@@ -41,7 +41,7 @@ class CameraFilm:
 
 
 def film_name(camera: str, i: int) -> str:
-    """The camera's name; InputError if it has characters that are not permitted in the name of its film."""
+    """The camera's name; InputError if the name has characters that are not permitted in a film's file name."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera
@@ -103,7 +103,7 @@ def read_films(
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
     """Exposure times of all cameras [s], (n,), and for each time the indices of the films that have a picture.
 
-    If cameras expose within `vision.TOGETHER_S`, their pictures get the time of the first of them.
+    If cameras expose within `vision.TOGETHER_S`, their pictures get the time of the first picture.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

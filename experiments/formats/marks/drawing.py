@@ -27,7 +27,7 @@ FLAT = 0.2
 """Least ratio of the second largest to the largest spread of marks that are not collinear [1]; choice."""
 
 N_FRAMES = 10
-"""Number of frames with marks after which the test is made, even if some marks were never visible; choice."""
+"""Number of frames with marks after which `misread` is applied, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
 """Millimetres per unit, for the units in which marks may be by mistake."""
@@ -45,7 +45,7 @@ class FirstMarks:
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Add a frame's marks. If enough marks were visible, make the test and return its message, otherwise None.
+        """Add a frame's marks. If enough marks were visible, apply `misread` and return its message, otherwise None.
 
         places: positions by node [m], (dim,)
         """
@@ -58,7 +58,7 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """Make the test with the marks so far and return its message; None if it was made before."""
+        """Apply `misread` to the marks so far and return its message; None if `misread` was applied before."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
@@ -132,7 +132,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 def fits(rms: float, plain: float, size: float) -> bool:
     """Whether an interpretation of the marks fits the drawn shape.
 
-    rms: distance from the drawn shape with the interpretation [m]; plain: distance without the interpretation [m]
+    rms: distance of the interpreted marks from the drawn shape [m]; plain: distance of the marks as they are [m]
     size: the body's size [m]
     """
     return rms <= min(FITS * size, 0.25 * plain)
@@ -187,7 +187,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Description of a matrix from `_axes`, and the number of mistakes that it assumes."""
+    """Description of a matrix from `_axes`, and the number of mistakes that the matrix corrects."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 AXES = ("x_mm", "y_mm", "z_mm")
 
 LEAST_SHARE = 1e-9
-"""Least ratio of the smallest to the largest variance of a covariance [1]; numerical: files have more digits."""
+"""Least ratio of the smallest to the largest variance of a definite covariance [1]; numerical: rounding in files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

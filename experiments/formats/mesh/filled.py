@@ -129,7 +129,7 @@ def _by_ftetwild(
 
 
 def clustered(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
-    """The surface with all points of a grid cell replaced by their mean, and without triangles that then have no area.
+    """The surface after all points in each grid cell are replaced by their mean; triangles without area are omitted.
 
     Triangles are sorted by cell: fTetWild is ten times slower if neighbours are far apart in the list.
     """

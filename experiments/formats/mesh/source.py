@@ -57,7 +57,7 @@ class Source:
 
 
 def read_source(path: Path) -> Source:
-    """Read a mesh file; raises InputError for an unreadable file and for other kinds of cells."""
+    """Read a mesh file; raises InputError for an unreadable file, and for cells of a kind that `READ` does not list."""
     require(str(path), "mesh")
     if path.suffix.lower() not in READERS:
         raise InputError.at(path, f"one of {', '.join(READERS)}", path.suffix or "no such ending")

@@ -1,4 +1,4 @@
-"""Reading and writing of `[mesh]` of a scene file. The marks and the target, points of the mesh, become a network."""
+"""Reading and writing of `[mesh]` of a scene file. The named points of the mesh become the nodes of a network."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINE = "needle"
 
 SPACING, EDGES = 0.05, 1.5
 """Spacing of points on a needle's line relative to the body's extent, and least spacing relative to an element's edge;
-choices: the needle's force is spread over such a distance, and points in one element cannot move independently."""
+choices: the needle's force is spread over a similar distance; points in one element cannot move independently."""
 
 APART_M = 1e-5
 """Least distance of two points that do not coincide [m]; choice: finer than any mark."""
@@ -69,13 +69,13 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """A network with the same points and tissues but more modes of the mesh, for the simulated true motion."""
+        """The network with more modes of the mesh, for the simulated true motion; points and tissues do not change."""
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
 
     def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
-        """The table `[mesh]`, with the stiffness of the network; further: names and positions of added points [m]."""
+        """The table `[mesh]` with the stiffness of the network. further: names and positions of points to add [m]."""
         tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
         return mesh_table(self.file, self.fixed, tissues, [*self.points, *further], driven=self.driven)
 
@@ -155,7 +155,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """The table `[mesh]`; tissues: the tissue of each region number; points: names and positions [m]."""
+    """The table `[mesh]`. tissues: tissues by region number; points: names and positions [m]."""
     return MeshTable(
         file=file,
         fixed=fixed,

@@ -20,7 +20,7 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
     """The scene with body, gravity, target and reference marks moved; mesh_file: file of the moved mesh.
 
-    Raises SceneError if the moved scene is not valid, for example beyond a camera's horizon.
+    Raises SceneError if the moved scene is not valid, for example if a mark is beyond a camera's horizon.
     """
     mesh, drawn = None, scene.network
     if scene.mesh is not None:

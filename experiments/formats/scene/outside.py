@@ -68,6 +68,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """The surface of these faces, without positions [m], (n, 3), that no face uses."""
+    """The surface of these faces; positions [m], (n, 3), that are not corners of a face are omitted."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

@@ -53,7 +53,7 @@ class Reference:
 
     @property
     def looks(self) -> tuple[Mark, ...]:
-        """Appearance of the reference marks that a film shows."""
+        """Appearances of the filmed reference marks."""
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
     def check(

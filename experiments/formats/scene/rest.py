@@ -79,7 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """The factor on all stiffnesses with which the springs of the drawn shape balance the weight; 1 if there is none.
+    """The factor on all stiffnesses with which the springs of the drawn shape balance the weight; 1 if no factor does.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
@@ -93,7 +93,7 @@ def _lacking(springs: Floats, weight: Floats) -> float:
 
 
 def _fault(network: MassSpringNetwork) -> ValueError | None:
-    """The error if the rest shape is far from the drawn shape, with stretched springs; otherwise None."""
+    """The error if the rest shape is far from the drawn shape and springs are stretched; otherwise None."""
     try:
         with np.errstate(all="ignore"):  # overflow means no rest
             rest = rest_shape(network)

@@ -131,14 +131,14 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of errors of the calibration and, with reference marks, of the pose that the filter considers."""
+        """Number of errors that the filter considers: of the calibration and, with reference marks, of the pose."""
         if self.space_cameras:
             return len(self.calibration_steps[0]) + self.n_pose * len(self.space_cameras)
         return (self.cameras[0].n_calibration if self.cameras else 0) + self.n_pose
 
     @property
     def n_pose(self) -> int:
-        """Number of coordinates of a pose that reference marks correct; 0 without reference marks."""
+        """Number of pose coordinates that are corrected with reference marks; 0 without reference marks."""
         return self.network.dim * (self.network.dim + 1) // 2 if self.reference.marks else 0
 
     @property
@@ -235,7 +235,7 @@ def write_scene(scene: Scene, path: FilePath) -> None:
 def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
     """Path and content of the mesh file that has to be written beside the scene's file `path`, if any.
 
-    Raises InputError if a different file has its name; force: if True, this file is replaced
+    Raises InputError if a different file has the mesh file's path; force: if True, that file is replaced
     """
     if scene.mesh is None:
         return {}

@@ -35,6 +35,6 @@ def target_of(table: TargetTable) -> Target:
 
 
 def target_lines(target: Target) -> list[str]:
-    """The lines of `[target]`, without an offset of zero."""
+    """The lines of `[target]`; an offset of zero is omitted."""
     keys = in_millimetres(asdict(target) | {"offset_m": target.offset_m or None})
     return ["", "[target]", *key_lines(keys)]

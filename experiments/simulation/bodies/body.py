@@ -29,27 +29,27 @@ class Scale:
 
     @property
     def k(self) -> float:
-        """Factor by which spring constants change [1]."""
+        """Factor on spring constants [1]."""
         return self.stiffness * self.size**2
 
     @property
     def m(self) -> float:
-        """Factor by which masses change [1]."""
+        """Factor on masses [1]."""
         return self.mass * self.size**3
 
     @property
     def c(self) -> float:
-        """Factor by which dashpot constants change [1]."""
+        """Factor on dashpot constants [1]."""
         return float(np.sqrt(self.k * self.m))
 
     @property
     def oscillation(self) -> float:
-        """Factor by which the period of elastic oscillations changes [1]."""
+        """Factor on the period of elastic oscillations [1]."""
         return float(np.sqrt(self.m / self.k))
 
     @property
     def swing(self) -> float:
-        """Factor by which the period of a pendulum changes [1]."""
+        """Factor on the period of a pendulum [1]."""
         return float(np.sqrt(self.size))
 
 
@@ -63,7 +63,7 @@ class Body:
     at_rest: whether the body is at rest in the drawn shape
     in_line: whether the nodes form a line, in their order
     led: marked nodes that the simulation moves along a path
-    kinds: the kind of each spring; identification finds one factor for each kind, or, if empty, for each spring
+    kinds: the kind of each spring; identification finds a factor for each kind, or for each spring if `kinds` is empty
     """
 
     network: MassSpringNetwork

@@ -37,7 +37,7 @@ HIDDEN_OF_CABLE = (5, 6, 7)
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     """A pendulum of rigid links in the plane; a camera sees its outer end at 100 Hz.
 
-    If mass or stiffness is scaled, the true links can stretch, because the scaling does not change rigid links' motion.
+    If mass or stiffness is scaled, the true links can stretch, because scales would not change rigid links' motion.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])

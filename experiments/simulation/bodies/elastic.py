@@ -178,7 +178,7 @@ def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Calla
 def _leading(
     rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
 ) -> Act:
-    """The action of springs and dashpots between nodes and points that move along smooth random paths."""
+    """The action of dashpots on nodes, and of springs from nodes to points that move along smooth random paths."""
     amplitude = 0.12 * float(np.ptp(grid[:, 0]))
     w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
     together = amplitude * rng.normal(size=3)

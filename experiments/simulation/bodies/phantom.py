@@ -14,7 +14,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, pushes, pus
 
 STIFFNESS_N_M = 80.0
 N_SPRINGS = 8
-"""Number of springs without the two braces, which are the last springs."""
+"""Number of springs that remain without braces. The last two springs of the phantom are braces."""
 
 POKE_M_S2 = 10.0
 FRAMES_PER_S = 30
