@@ -65,7 +65,7 @@ class LiveFilm:
             self._threads[name].put((step.estimates[FILTER].time_s, image, overlay))
 
     def finish(self, folder: Path) -> None:
-        """Write waiting frames, join the pieces, and move the films to an existing folder, with worst.png."""
+        """Write waiting frames, join each film's pieces, move the films to an existing folder, and write worst.png."""
         for thread in self._threads.values():
             thread.finish()
         if not self.n_written:

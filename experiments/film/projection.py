@@ -86,7 +86,7 @@ class PlaneView:
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """Projection of a body in space into the picture of a camera; normals: outward unit normal of each mark, (3,)."""
+    """Projection of a body in space into the picture of a camera, with the outward unit normal of each mark, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

@@ -81,7 +81,7 @@ def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
 
 
 def ellipse_points(center_px: Floats, shape_px: Floats) -> Floats:
-    """Points on the closed ellipse center + shape @ unit circle, (n, 2), so dense that it looks smooth."""
+    """Points on the closed ellipse center + shape @ unit circle, (n, 2), so dense that the line looks smooth."""
     reach = float(np.abs(shape_px).max())
     n = int(np.clip(8.0 * np.sqrt(reach), 24, 1440)) if np.isfinite(reach) else 24
     return np.asarray(center_px + _circle(n) @ shape_px.T, dtype=np.float64)

@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue; area_px: their total area [px]; least_px: least area that the detector accepts [px]."""
+    """Marks of one hue, their total area [px], and the least area of a mark that the detector accepts [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue

@@ -79,7 +79,7 @@ def pictures_of(
     guidance: Guidance | None = None,
     plan: NeedlePlan | None = None,
 ) -> dict[str, tuple[Image, Overlay]]:
-    """For each camera, its picture in a frame or, for marks, a plain background; and the overlay on it."""
+    """For each camera, its picture and the overlay on it; a frame of another tracker's marks has a plain background."""
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images

@@ -26,7 +26,7 @@ SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status
 
 @dataclass(slots=True, eq=False)
 class Still:
-    """The worst frame of a kind so far; badness: its severity; count: number of frames of this kind."""
+    """The worst frame of a kind so far, its severity (`badness`), and the number of frames of this kind (`count`)."""
 
     badness: tuple[float, ...]
     picture: Image
@@ -34,7 +34,7 @@ class Still:
 
 
 class WorstFrames:
-    """Stores the worst frame of each kind. A kind is a status of the estimate and the fault of the first bad mark."""
+    """Stores the worst frame of each kind. A kind is the estimate's status and the fault of the first unused mark."""
 
     def __init__(self) -> None:
         self._stills: dict[tuple[str, str], Still] = {}

@@ -97,7 +97,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures; if `plane` is a file that they do not contain, it is appended."""
+    """The paths of pictures; if `plane` is a file that is not among the pictures, its path is appended."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)

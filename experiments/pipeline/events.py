@@ -16,11 +16,11 @@ from vision import Distractor, SourceOf
 DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
-"""Steps after which a scene has the tissue's constants, used for its simulation or identified from a recording."""
+"""Steps that give a scene the tissue's constants: those of the simulation, or those identified from a recording."""
 
 SAGS = 1e-3
-"""Largest distance of a node at rest from its drawn position that is not reported, relative to the network's size [1];
-choice."""
+"""Distance of nodes at rest from their positions in scene.toml up to which there is no message, relative to the
+network's size [1]; choice."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -79,7 +79,7 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Messages by name: a step that the scene still lacks for the command `before`, or a target that is not hidden."""
+    """Messages on steps that a scene lacks for the command `before`, by step; also on a target with a measured mark."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
@@ -99,7 +99,7 @@ def is_identified(scene: Scene) -> bool:
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """A message that the constants were not identified; None if they were, or if their uncertainty is stated."""
+    """A message that the constants were not identified; None if they were identified or have a stated uncertainty."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.step in CONSTANTS for step in scene.steps)
@@ -108,7 +108,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """A message that the noise levels were not tuned to the tissue; None if they were, or if the scene states them."""
+    """A message that the noise levels were not tuned to the tissue; None if they were tuned or are stated."""
     usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):

@@ -110,7 +110,7 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
 
 
 def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
-    """The scene of a file; InputError if it lacks a camera in space with one of these names."""
+    """The scene of a file; InputError if the scene lacks any of these cameras in space."""
     scene = usable_scene(path, rests=False)
     names = [camera.name for camera in scene.space_cameras]
     for name in cameras:

@@ -30,7 +30,7 @@ MOST = 0.9
 """Share of the target's variance that the sources named in a message explain together [1]."""
 
 SEEN = "marks and disturbances"
-"""Name of the part of the target's variance that does not come from the errors that the scene states."""
+"""Name of the part of the target's variance due to noise of the marks and to disturbances (unknown forces)."""
 
 
 @dataclass(frozen=True, slots=True)

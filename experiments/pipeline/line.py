@@ -38,7 +38,7 @@ OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
 """Largest number of coordinates and velocities of free nodes that commands accept; choice: 100 nodes in space.
-Preparation takes minutes for more, but the filter itself has no limit."""
+For more nodes preparation takes minutes, but the filter itself has no limit."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
 """Default error common to all direct measurements of the target (fixes): that of an ultrasound probe's calibration."""
@@ -199,7 +199,7 @@ class Line:
         return Step(estimates, seen, detect_s, method_s, named.swap, refused, sight, predict_s, reference)
 
     def _found_by_tracker(self, marks: Sequence[MarkMeasurement]) -> Found:
-        """The tissue's marks of another tracker, corrected with the reference marks among them."""
+        """The marks on the tissue that another tracker measured, corrected by its reference marks."""
         by, seen = self.reference, None
         if by is not None:
             seen = by.update([mark for mark in marks if by.is_one(mark.node)])

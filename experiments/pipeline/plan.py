@@ -36,7 +36,7 @@ APART = 10e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan and its input; estimate: the target estimate's status, or `at rest`; time_s: the estimate's time [s]."""
+    """A plan and its input; also the status of the target's estimate, or `at rest`, and the estimate's time [s]."""
 
     scene: Scene
     task: Task

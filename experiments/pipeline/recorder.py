@@ -107,7 +107,7 @@ class Recorder:
             self.finish_piece()
 
     def finish_piece(self) -> None:
-        """Complete the present piece, then write its rows to frames.csv; both are synced to the disk.
+        """Complete the present piece and sync it to the disk, then add its rows to frames.csv and sync this file.
 
         If this fails, for example because the disk is full, it raises InputError, and nothing more is recorded.
         """
@@ -264,7 +264,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """If a recording of several cameras has not been joined: for each camera, the folder with its pieces."""
+    """The folder of each camera's pieces if a recording of several cameras has not been joined; otherwise none."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 

@@ -112,7 +112,7 @@ def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Sce
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene that methods use: constants are multiplied by their kind's factor, keys of `[filter]` are `changed`."""
+    """The scene that methods use: constants times their kind's factor, and `[filter]` with the values in `changed`."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
@@ -125,7 +125,7 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
 
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
-    """The simulated motion for a scenario and a seed; if `truths` is a folder, the motion is cached there."""
+    """The simulated motion for a scenario, a scene's `text` and a seed; truths: folder that caches motions, or None."""
     network, rng = true_scene(text, scenario).network, np.random.default_rng([seed, 1])
     network = true_network(network, scenario, seed)
     if truths is None:
@@ -190,10 +190,10 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
-    """A row for each combination and method, in the order of the grid: numbers of runs and failures, and figures.
+    """A row for each combination and method, in the grid's order, with counts of runs and failures, and with figures.
 
-    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median
-    by_open_loop: mean error divided by that of the open loop
+    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median of runs
+    by_open_loop: mean error divided by the open loop's mean error
     """
     keys = list(sweep.keys)
     rows = []

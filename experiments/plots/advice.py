@@ -63,10 +63,10 @@ MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Largest invisible difference of probabilities; largest range of a constant miss, relative to the lesion's radius."""
+"""Largest invisible difference of probabilities; largest range, in lesion radii, of a miss that counts as constant."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
-"""Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
+"""Widths in print for a body in space [mm]: the whole view, a close-up, and the square that the body fills."""
 
 OBSERVED = "observed: share of needles with random errors of tip and push that hit the true target"
 """Legend entry of the observed hit rate."""
@@ -140,7 +140,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw the hit probability of an immediate insertion, and of a later or a turned one if it differs visibly."""
+    """Draw the hit probability of an immediate insertion; draw those of later or turned ones if they differ visibly."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -185,7 +185,7 @@ def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
-    """Draw a row for each reason: its text, and bars while it applied; a tick at each change of advice."""
+    """Draw a row for each reason, with its text and bars while it applied; draw a dotted line at changes of advice."""
     times = np.array(done.times_s)
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)

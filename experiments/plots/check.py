@@ -28,7 +28,7 @@ LEAST_BARS = 6
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""Largest invisible distance between drawn and rest positions in print [mm]; then only one of them is drawn."""
+"""If no node at rest is farther than this from its position in the scene [mm], the plot omits the shape at rest."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""
@@ -36,7 +36,7 @@ VIEW_MM = 62.0
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """Figure of the network as drawn and at rest, and of each mark's share of the information on the target."""
+    """Figure of the network, as in the scene and at rest, and of each mark's share of the information on the target."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 

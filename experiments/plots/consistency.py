@@ -32,7 +32,7 @@ LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
-    """Error per axis, its standard deviation [mm] and NEES, (n,) each, in the frames that have all three."""
+    """Error per axis and its standard deviation [mm] in the frames that have both, and the NEES of these frames."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
     error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
@@ -81,7 +81,7 @@ def sigma_figure(done: Track) -> Figure | None:
 
 
 def grouped(sigma: Floats) -> list[np.ndarray]:
-    """Groups of frames by their standard deviation, (n,), ascending; groups have nearly equal sizes, none is empty."""
+    """Numbers of the frames in groups of ascending `sigma`, (n_frames,); the groups have nearly equal sizes."""
     edges = np.unique(np.quantile(sigma, np.linspace(0.0, 1.0, N_BINS + 1)))
     if len(edges) < 2:
         return [np.arange(len(sigma))]
@@ -136,7 +136,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Observed over predicted error of each mark, which was predicted by a filter that does not use this mark.
+    """Ratio of observed to predicted error of each mark; the prediction is by a filter that does not use the mark.
 
     Raises ValueError if there are no marks.
     """

@@ -1,4 +1,4 @@
-"""Plot of the target's path: in the plane coloured by time; in space its coordinates over time, and two views."""
+"""Plot of the target's path: in the plane, coloured by time; in space, as coordinates over time and in two views."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ MOST_NAMES = 30
 """Largest number of a network's nodes for which unmarked nodes are also labelled."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
-"""Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
+"""Widths in print for a body in space [mm]: the whole view, a close-up, and the square that the body fills."""
 
 FAINT = 0.3
 """Opacity of an ellipse for a frame whose estimate is not based on consistent marks."""
@@ -259,5 +259,5 @@ def _network(done: Track, ax: Axes, *, lines: bool) -> None:
 
 
 def _fits(cov: Floats, reach: float) -> bool:
-    """Whether the longest semi-axis of a covariance's 2-sigma ellipse, (2, 2), is finite and at most twice `reach`."""
+    """Whether the 2-sigma ellipse of a covariance, (2, 2), has a finite longest semi-axis of at most twice `reach`."""
     return bool(np.isfinite(cov).all() and 2.0 * np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)) <= 2.0 * reach)

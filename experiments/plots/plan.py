@@ -159,7 +159,7 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
-    """Function from a height in the view to the horizontal position of the best path or else of the lesion [mm]."""
+    """Function from a height in the view to the best path's horizontal position [mm]; without a path, the lesion's."""
     found = done.plan
     tip, entry = (
         view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))

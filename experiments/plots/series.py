@@ -29,7 +29,7 @@ K = TypeVar("K", Status, Advice)
 
 
 def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]:
-    """Start and length [s] of each run of frames in which `held` is true, extended half-way to the adjacent frames."""
+    """Start and length [s] of each block of frames in which `held` is true, extended half-way to adjacent frames."""
     if len(times_s) < 2:
         return []
     edges = np.concatenate([times_s[:1], 0.5 * (times_s[1:] + times_s[:-1]), times_s[-1:]])
@@ -106,9 +106,9 @@ def highest(most: float, *series: Floats) -> float:
 
 
 def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A series of n values as a line of at most `N_DRAWN` points: least and largest value of each run of frames.
+    """A series as a line of at most `N_DRAWN` points: the least and the largest value of each block of frames.
 
-    A run without any finite value breaks the line.
+    A block without any finite value breaks the line.
     """
     if len(values) <= N_DRAWN:
         return times_s, values

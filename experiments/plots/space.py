@@ -26,8 +26,8 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""Directions of view [degrees]: angles to the right of z, and the angle above it. Plots have the first view and the one
-that adds most marks."""
+"""Directions to the viewer [degrees]: angles about y from z to the right, and the angle above the plane of x and z.
+Plots have the first view, and the other view that adds most marks."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
@@ -59,7 +59,7 @@ WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A view; across: unit vectors right and up in the plot, (2, dim); toward: unit vector to the viewer, (dim,)."""
+    """A view: unit vectors right and up in the plot, (2, dim), and the unit vector to the viewer, (dim,)."""
 
     across: Floats
     toward: Floats
@@ -116,7 +116,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """Draw the faces towards the viewer with shading, the far ones first; wall: whether each is fixed, (n_faces,)."""
+    """Draw the faces towards the viewer with shading, far ones first; wall: whether each face is fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -135,7 +135,7 @@ def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_]
 
 
 def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int64], tint: str | None = None) -> None:
-    """Draw springs between positions [m], (n, 3), far ones first, paler and thinner; tint: a colour instead of grey."""
+    """Draw springs between positions [m], (n, 3): far springs first, pale and thin; tint: a colour instead of grey."""
     if not 0 < len(springs) <= N_SPRINGS:
         return
     away = places_m[springs].mean(axis=1) @ view.toward

@@ -40,7 +40,7 @@ SETTLED = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneCheck:
-    """Properties of a scene near its rest.
+    """Properties of a scene near its shape at rest.
 
     path: path of the scene's file; rest: positions at rest [m], (n_nodes, dim)
     stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's integration [s]
@@ -82,8 +82,8 @@ class SceneCheck:
     def mark_sd_m(self) -> float:
         """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        Marks that only one camera in space sees are omitted. If there are no others, it is the standard deviation
-        perpendicular to the camera's ray.
+        Marks that only one camera in space sees are omitted. If there are no other marks, the result is the standard
+        deviation perpendicular to the camera's ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
@@ -106,7 +106,7 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: frame rate, and standard deviation of marks; by default those of the recording or camera
+    frames_per_s, sd_mm: frame rate, and standard deviation of marks; by default from the recording or the camera
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source

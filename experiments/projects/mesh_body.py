@@ -140,7 +140,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
 
 
 def _check_words(of: MeshChoice, young_pa: float | None) -> None:
-    """Raise InputError for options that are invalid for any body; warn of too few or too many marks."""
+    """Raise InputError for options that are invalid for every body; warn of too few or too many marks."""
     check_tissues(of.field, of.regions, young_pa)
     fixed = (of.fixed or "").strip()
     if of.fixed is not None and not (PLANE.fullmatch(fixed) or REGION.fullmatch(fixed) or _label_of(fixed)):
@@ -299,10 +299,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """Random position of the simulated lesion [m], (3,), inside the body, where the tissue can move.
-
-    Its standard deviation on each axis is the stated one.
-    """
+    """Random position of the simulated lesion [m], (3,), with the sd `target_sd_mm` on each axis, in movable tissue."""
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):

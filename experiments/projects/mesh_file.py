@@ -23,8 +23,8 @@ YES = ("yes", "")
 """Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]: a sixth of its length is the diameter of marks, written to 0.1 mm. Shorter springs are
-usually due to lengths in metres."""
+"""Shortest permitted spring [m]: the diameter of marks, a sixth of the shortest spring, is written to 0.1 mm. Shorter
+springs are usually due to lengths in metres."""
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom, dict[str, float]]:

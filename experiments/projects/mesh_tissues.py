@@ -16,7 +16,7 @@ from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body
 
 CLASSES = 4
-"""Number of tissues, from fat to glandular tissue, by which a field's mixtures are approximated; choice: identification
+"""Number of tissues that approximate all mixtures of fat and glandular tissue in a mesh; choice: identification
 estimates the stiffness of each, and marks on the surface determine only a few."""
 
 GROUPS = "gmsh:physical"
@@ -28,7 +28,7 @@ Tissues = tuple[tuple[Tissue, ...], NDArray[np.int64]]
 
 
 def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | None) -> None:
-    """Raise InputError for tissue options that are invalid for any body."""
+    """Raise InputError for tissue options that are invalid for every body."""
     if young_pa is not None and (regions or field is not None):
         raise InputError.at("--young-kpa", "no --region and no --field with it", "one of them")
     for text in regions:
@@ -75,7 +75,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and glandular tissue, by a field with the glandular share; constants are interpolated."""
+    """Mixtures of fat and glandular tissue, from a field of glandular shares; their constants are interpolated."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)

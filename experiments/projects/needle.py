@@ -26,7 +26,7 @@ BEFORE = np.linspace(0.02, 1.0, 25)
 
 
 def aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Unit vector from an entry to the target displaced by the needle, (dim,); and this displacement [m], (dim,).
+    """Unit vector from an entry to the target displaced by the needle, (dim,), and the target's shift [m], (dim,).
 
     start, entry: positions of the target at rest and of the entry [m], (dim,)
     """

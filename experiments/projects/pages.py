@@ -26,13 +26,13 @@ POKED_M = 0.02
 """Displacement of a mesh's softest mark if the strongest poke acted as a constant force [m]; choice: as by a probe."""
 
 WAVE = 2.5
-"""Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
+"""Ratio of a breath's range to the amplitude of its first harmonic [1]; 2 to 3, depending on the harmonics' phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
 """Acceleration by the strongest poke, by dimension [m/s²]; choice: 15 m/s² is 0.6 N on a mass of 40 g."""
 
 HORIZON_S = 1.0
-"""Time ahead within which a better time to start is searched [s]: five periods of a breast's oscillation."""
+"""Time ahead within which a better time to start is sought [s]: five periods of a breast's oscillation."""
 
 SPEED_MM_S = 100.0
 

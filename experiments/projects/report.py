@@ -1,4 +1,4 @@
-"""Output of `softaim check`: lines on rest, motion, steps, marks and target, and a line for each missing part."""
+"""Output of `softaim check`: lines on the shape at rest, motion, time steps, marks and target, and on missing parts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SURE = 0.9
 """Hit probability of the best aim below which there is a warning [1]; it equals the default threshold of GO."""
 
 SURER = 0.95
-"""Ratio of the filter's sigma at rest to the lower bound of sigma, below which there is a warning [1]."""
+"""Least ratio of the filter's sigma at rest to the lower bound of sigma [1]; a smaller ratio gives a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +256,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """Most frequent reason why marks were not found, with the numbers of one mark; and what to check."""
+    """Text on the first mark that was lost for the most frequent reason; and what the user should check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]

@@ -50,23 +50,23 @@ FINEST_MM = 0.01
 """Step to which the size of a camera's pixel on the plane is rounded, and least such size [mm]."""
 
 CALIBRATION_SD_PX = 0.68
-"""Standard deviation of marks in films with the scenarios' light `paper` [px]."""
+"""Standard deviation of marks in films of scenarios with the light `paper` [px]."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
-"""Relative standard deviations of random factors on the simulated tissue's constants, one for each group of springs."""
+"""Relative sd of random factors on the simulated tissue's constants: one factor is common to all springs of a group."""
 
 OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
-"""Relative standard deviations of further random factors, one for each single constant."""
+"""Relative sd of additional random factors: each constant of each spring and node has its own factor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Template:
     """Content of a project: the user's scene, the scene of the simulated tissue, and the needle's entry and direction.
 
-    assumed: the scene that the filter assumes; its positions are those at rest
+    assumed: the user's scene, which the filter assumes; its positions are those at rest
     truth: the scene of the simulated tissue at rest; only its constants and positions differ from `assumed`
     entry_m: where the needle enters the tissue [m], (dim,)
-    direction: unit vector from the entry to the target as the needle displaces it, (dim,)
+    direction: unit vector from the entry to the position to which the needle displaces the target, (dim,)
     """
 
     title: str

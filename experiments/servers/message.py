@@ -81,10 +81,10 @@ def state_message(
     recording: Mapping[str, Any] | None = None,
     paused: bool = False,
 ) -> dict[str, Any]:
-    """The message of one state.
+    """The message with one state of the run.
 
     utc_s: the time of the estimate, in seconds since 1970 UTC; memory_mb: memory of the process
-    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim)
+    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); paused: whether the run is paused
     events: the last events, {"utc_s", "text"}; recording: {"folder", "frames"} while a recording is written
     """
     estimate, guidance = shown.estimate, shown.guidance

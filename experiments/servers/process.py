@@ -63,7 +63,7 @@ class _Served:
         return servers
 
     async def _watched(self, name: str, server: Awaitable[None]) -> None:
-        """Run a server; if it fails, the others continue."""
+        """Run a server; if it fails, the other servers continue."""
         try:
             await server
         except Exception as error:

@@ -24,7 +24,7 @@ class ImportSettings:
     """Settings of an import: which positions of a table are used, and their accuracy.
 
     least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut
-    sd_px: standard deviation of a position on each axis [px]; choice: better the error that the tracker reports
+    sd_px: standard deviation of a position on each axis [px]; choice: state the tracker's own error if it is known
     """
 
     least: float = 0.6
@@ -35,7 +35,7 @@ DEFAULTS = ImportSettings()
 
 
 def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera:
-    """A camera perpendicular to the plane, to convert pixels only; origin_px: pixel of the plane's origin."""
+    """A camera perpendicular to the plane, used only to convert pixels; origin_px: pixel of the plane's origin."""
     first_m = (-1e-3 * mm_per_px * origin_px[0], 1e-3 * mm_per_px * origin_px[1])
     return fronto_parallel_camera("scale", (1, 1), (mm_per_px, mm_per_px), first_m)
 
@@ -45,7 +45,7 @@ class Imported:
     """Marks of a table, by frame.
 
     exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
-    unlikely: number of positions omitted because of a low likelihood; outside: number omitted outside the picture
+    unlikely, outside: numbers of positions omitted because of a low likelihood, or because they lie outside the picture
     manual: number of marks without a likelihood, which were set manually
     """
 
@@ -142,9 +142,9 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
-    """Positions on the plane [m], (n, 2), of the parts in `seen`, and the standard deviation of each [m], (n,).
+    """Positions on the plane [m], (n, 2), of the parts in `seen`, and their standard deviations on each axis [m], (n,).
 
-    The standard deviation is that of a circle with the area of the error ellipse.
+    Each error ellipse is replaced by a circle of equal area. sd_px: sd of a position in the picture on each axis [px]
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2

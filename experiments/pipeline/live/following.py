@@ -42,7 +42,7 @@ class Attendant(Publisher, Protocol):
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
         """Show a frame without an estimate; if `frame` is None, report that there is no frame.
 
-        n_shown: number of frames so far; time_s: time of the frame or, if it is None, present time of the source [s]
+        n_shown: number of frames so far; time_s: time of the frame or, without a frame, present time of the source [s]
         """
 
     def attend(self, control: Control) -> None:

@@ -29,29 +29,29 @@ class Act(StrEnum):
     ORIGIN = "origin"
     """The source's time is zero at time_s on the clock."""
     FRAME = "frame"
-    """A frame with exposure time time_s: the next picture of the recording, or in space the next picture of each camera
+    """A frame with exposure time time_s: the next picture of the recording; in space, the next picture of each camera
     that the values name."""
     MARKS = "marks"
     """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"
-    """An unusable frame with exposure time time_s: of another size, or not later than the last one."""
+    """An unusable frame with exposure time time_s: of another size, or not later than the last frame."""
     COAST = "coast"
     """A prediction without a frame."""
     DATED = "dated"
     """A change of delays; values: the largest delay from exposure to arrival [s], whether frames come irregularly."""
     RESET = "reset"
-    """Reset of the state."""
+    """Reset of the filter."""
     FIX = "fix"
     """A direct measurement of the target; values: position [m], then standard deviation [m]."""
     HUE = "hue"
     """A new colour of a mark; values: the mark's node, then the colour in the order of `MarkHue`."""
     NEEDLE = "needle"
-    """A tracked needle; values: position of its tip [m], then its direction; none if the needle is not visible."""
+    """A tracked needle; values: position of its tip [m], then its direction; no values if it is not visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One action of the loop; time_s: time to which it refers; now_s: clock time when done; values: other data."""
+    """One action of the loop: its kind, the time to which it refers [s], the clock time when it was done [s], data."""
 
     act: Act
     time_s: float

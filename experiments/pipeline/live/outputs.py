@@ -46,7 +46,7 @@ class LiveTable:
                 self._failed(error)
 
     def write(self, row: Sequence[Any]) -> None:
-        """Add a row. The first failure is reported; its row and all later rows are omitted."""
+        """Add a row. If this fails, report it, and omit this row and all later rows."""
         self.begin()
         if self.fault is None:
             try:

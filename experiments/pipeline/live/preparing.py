@@ -53,7 +53,7 @@ class _Refusal(Listener):
             raise NotCompiledError(str(event))
 
     def on_end(self, event: object) -> None:
-        """Called after compilation in another thread."""
+        """Do nothing: other threads may compile."""
 
 
 def prepared(
@@ -63,7 +63,7 @@ def prepared(
 
     make: function that may be interrupted and called again
     rehearse: picklable function that calls the same kernels as `make`; another process runs it to compile them
-    frames: frames of a camera; None if they must not be read yet, for example because this would start a film
+    frames: frames of a camera; None if no frame may be read yet, for example because reading would start a film
     show: called with each frame and the number of frames so far; called with None if no frame came for LOOK_S
     Raises exceptions of make, show or the source.
     """

@@ -108,7 +108,7 @@ class LiveRecording:
             LOG.warning("recording: %s; it ends here, the run continues", fault)
 
     def finish(self) -> None:
-        """Write the waiting pictures, and end the tables."""
+        """Write the waiting pictures, and close the tables."""
         for thread in self._pictures.values():
             thread.finish()
         for table in (self._journal, self._marks, self._frames):

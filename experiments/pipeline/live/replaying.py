@@ -23,8 +23,8 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: number of compared rows of each table; different: number of the first row that differs, for tables with one
-    begun: whether the recording began with its run; if not, estimates differ until the filter has converged
+    rows: by table, the number of compared rows; different: by table, the number of the first row that differs, if any
+    begun: whether the recording began when the run began; if not, estimates differ until the filter has converged
     frames: number of replayed frames
     lacking: number of frames in the journal that have no picture, because the recorded run was killed
     """

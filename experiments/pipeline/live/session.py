@@ -1,4 +1,4 @@
-"""Live tracking of frames as they arrive: what `softaim live` does.
+"""Live tracking of the target in frames as they arrive: what `softaim live` does.
 
 `Session` has the state of a run.
 """
@@ -153,7 +153,7 @@ class Session:
         self._last_s = max(exposure_s, self._last_s or exposure_s)
 
     def _check_filter(self) -> None:
-        """Restart if the filter's state is not finite, because marks could not correct it."""
+        """If the filter's state is not finite, restart the filter, because marks could not correct such a state."""
         if not self.line.filter.is_finite:
             report_event(self._own_s(self._clock()), "filter", "the state is not finite, so the filter restarts")
             self._restart()
@@ -170,7 +170,7 @@ class Session:
         self.counters.not_used += 1
 
     def _step(self, frame: LiveFrame, exposure_s: float) -> Step | None:
-        """The `Step` of a frame; None if the filter cannot use its marks. The first such frame in a row is reported."""
+        """The `Step` of a frame; None if the filter refuses its marks. It reports only the first refusal in a row."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)
@@ -293,8 +293,8 @@ class Session:
     def fix(self, place_m: Floats, sd_m: float) -> None:
         """Use a direct measurement of the target at the time of the newest estimate: position [m], (dim,), sd [m].
 
-        If the scene states no error common to all such measurements, the variance includes a default one. Raises
-        ValueError before the first estimate, and for another dimension.
+        If the scene states no error common to all direct measurements, the measurement's variance includes
+        `USUAL_BIAS`. Raises ValueError before the first estimate, and for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:

@@ -54,7 +54,7 @@ class Counters:
     began_mb: float | None = None
 
     def add(self, latency_s: float, stages_s: Mapping[str, float], *, took_s: float, interval_s: float | None) -> None:
-        """Count a frame with an estimate, its latency and its time in the loop [s]."""
+        """Count a used frame and store its times [s]; it is late if took_s exceeds the frame interval interval_s."""
         self.frames += 1
         self.late += interval_s is not None and took_s > interval_s
         self.latency_ms = 1e3 * latency_s

@@ -96,6 +96,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Process a frame; as in a run, the scene's filter may refuse it."""
+    """Process a frame; ignore a refusal by the scene's filter, which a run may also have."""
     with suppress(CovarianceError):
         frame()

@@ -29,8 +29,8 @@ LEAST_COSINE = 0.3
 choice: 73 degrees. The detector rejects shapes whose width is below a quarter of their length."""
 
 PATIENCE, AGAIN = 3, 6
-"""If a camera does not find a mark in PATIENCE frames, it searches the mark only in every AGAIN-th frame [1]; choice:
-each search for a hidden mark covers the whole picture and is slow."""
+"""If a camera does not find a mark in PATIENCE frames, it searches for the mark only in every AGAIN-th frame [1];
+choice: each search for a hidden mark covers the whole picture and is slow."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
 """Search stages of the finders. The slowest, a search in other light, is omitted: other cameras may see the mark."""
@@ -64,7 +64,7 @@ class CameraSight:
     ) -> list[AssociatedMark]:
         """The expected marks found in a picture, (height, width, 3) BGR.
 
-        A mark that was not found in `PATIENCE` consecutive frames is searched only in every `AGAIN`-th frame.
+        A mark that was not found in `PATIENCE` consecutive frames is sought only in every `AGAIN`-th frame.
         """
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]

@@ -18,8 +18,8 @@ from experiments.pipeline.sight.plane import ReferenceSeen
 from vision import LostMark, Reason
 
 MISFIT = 1e-4
-"""If the distance between the rays of two cameras to a mark has a lower p-value, they see different objects [1];
-choice: the finder's gate in one picture."""
+"""The p-value of the distance between two cameras' rays below which the cameras see different objects [1]; choice:
+that of the finder's gate in one picture."""
 
 
 class SpaceSight:
@@ -59,7 +59,7 @@ class SpaceSight:
         """The marks in pictures taken at one time. Each picture must have the size that its camera states.
 
         predict: function from nodes to predicted positions [m], (n, 3), and covariances [m²], (n, 3, 3), of their marks
-        after_impulse: function from a node to the predicted position and covariance of its mark, if an impulse has
+        after_impulse: function from a node to the position and covariance of its mark, predicted as if an impulse had
         acted on the node since the mark was last found
         """
         means, covs = predict(list(self._numbers))

@@ -36,9 +36,10 @@ class MalformedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message, with its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
+    """A message, with its content as bytes. Raises ValueError for values that the header cannot hold.
 
-    metadata, number: absent before version 2 of the protocol. Raises ValueError for values that the header cannot hold.
+    utc_s: seconds since 1970 UTC, 0 for none
+    metadata, number: texts by key, and the message's identifier; absent before version 2 of the protocol
     """
 
     type: str
@@ -58,7 +59,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The first 58 bytes of a message; size: size of the body [bytes]."""
+    """The first 58 bytes of a message, with the size of its body [bytes]."""
 
     version: int
     type: str
@@ -82,7 +83,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode_header(found: bytes) -> Header:
-    """Decode the header, the first 58 bytes of a message; MalformedError if it is invalid, or the body too large."""
+    """Decode the header, the first 58 bytes of a message. MalformedError if it is invalid or the body is too large."""
     if len(found) != HEADER.size:
         raise MalformedError(f"header: expected {HEADER.size} bytes, found {len(found)}")
     version, kind, device, ticks, size, crc = HEADER.unpack(found)
@@ -158,7 +159,7 @@ def _table() -> NDArray[np.uint64]:
 _TABLE = _table()
 _AFTER = np.arange(BLOCK - 1, -1, -1)
 _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
-"""Contributions of the first eight bytes of a block, to which the checksum so far is added."""
+"""Contributions of a block's first eight bytes; the checksum so far is added to these bytes."""
 
 
 def crc64(body: bytes) -> int:

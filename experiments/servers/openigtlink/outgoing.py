@@ -65,7 +65,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages for a state of the run as bytes; needle: the needle's transform, not sent to a client that sends one."""
+    """Messages of a state as bytes: `common` for all clients, `needle` for the clients that do not send the needle."""
 
     common: bytes
     needle: bytes = b""

@@ -161,7 +161,7 @@ class _Server:
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """If a client was dropped and did not leave by itself, log why; only the 1st, 2nd, 4th, 8th ... are logged."""
+        """Log why a client was dropped, unless it left; of all dropped clients log the 1st, 2nd, 4th, 8th and so on."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1

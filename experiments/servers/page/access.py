@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""Prefix of the token, which a client sends as a subprotocol besides PROTOCOL: browsers cannot set other headers."""
+"""Prefix of the subprotocol with the token. A client sends it besides PROTOCOL: browsers cannot set other headers."""
 
 
 @dataclass(frozen=True, slots=True)

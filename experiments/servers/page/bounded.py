@@ -38,7 +38,7 @@ class BoundedHttp(H11Protocol):
     _end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Accept a connection, or end it at once."""
+        """Accept a connection; if there are already `MOST_CONNECTIONS`, end the new one at once."""
         crowded = len(self.connections) >= MOST_CONNECTIONS
         super().connection_made(transport)
         if crowded:
@@ -115,7 +115,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         self._end_soon()
 
     async def run_asgi(self) -> None:
-        """Serve; then end the connection, even if the client does not receive the rest."""
+        """Serve; then end the connection, even if the client has not received all data."""
         try:
             await super().run_asgi()
         finally:

@@ -75,7 +75,7 @@ class Viewer:
         self._sending = asyncio.Lock()
 
     async def serve(self) -> None:
-        """Send states and receive messages, until one of the two ends."""
+        """Send states and receive messages, until sending or receiving ends."""
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)

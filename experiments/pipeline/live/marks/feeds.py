@@ -83,10 +83,10 @@ def udp_feed(address: str) -> UdpFeed:
 
 
 class PipeFeed:
-    """Feed of lines from a pipe or terminal; descriptor: its file descriptor, such as 0 for standard input.
+    """Feed of lines from a pipe or terminal.
 
-    The descriptor is read directly: a blocked read through Python's buffers would hold their lock when the program
-    ends.
+    descriptor: its file descriptor, such as 0 for standard input. The feed reads it directly: if a read through
+    Python's buffers were blocked, it would hold their lock when the program ends.
     """
 
     def __init__(self, descriptor: int = 0) -> None:

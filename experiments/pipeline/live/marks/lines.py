@@ -48,7 +48,7 @@ KEYS = (*SentLine.model_fields, *SentMark.model_fields)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFrame:
-    """A frame of marks, possibly none; time_s: its time by the sender's clock [s]."""
+    """A frame with any number of marks, even none, and its time by the sender's clock [s]."""
 
     time_s: float
     marks: tuple[MarkRow, ...]

@@ -34,7 +34,7 @@ SETTINGS = SourceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """A frame of marks, possibly none; index: counted from 0; exposure_s: exposure time on the monotonic clock [s]."""
+    """A frame with any number of marks, even none; its number, from 0; its exposure time on the monotonic clock [s]."""
 
     index: int
     exposure_s: float
@@ -156,7 +156,7 @@ class LiveMarks(Closing):
             self._report()
 
     def _report(self) -> None:
-        """If a report on refused input is due, add it as an event: for each kind, the number and the first message."""
+        """Add a due report on refused input as an event: the count and the first message of each kind of refusal."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
