@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines about frames, consistency and causes of the variance; ours: the filter's part of summary.json."""
+    """Lines about frames, consistency and causes of the variance, from the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -80,7 +80,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """A row for each mark: errors of its prediction from the other marks; ours: the filter's part of summary.json."""
+    """A row for each mark: errors of the position that other marks predict, from the filter's part of summary.json."""
     heads = [["mark"], "frames", "mean error [mm]", "mean NEES", "error / predicted"]
     rows = [
         [node, str(one["frames"]), *(f"{one[key]:.2f}" for key in ("mean_error_mm", "mean_nees", "ratio"))]
@@ -95,7 +95,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks that were found least often, and why; ours: the filter's part of summary.json."""
+    """The marks that were found least often, and the reasons, from the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,7 +109,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """A row for each hue: share of the picture that has this hue, and frames with too few or too many such pixels."""
+    """A row for each hue: its share of the picture, and how often this share is too small or too large."""
     heads = [["marks"], ["keys"], "median", "least", "largest", "ratio to marks' area", "too few in", "too many in"]
     rows = []
     for row in kinds:
@@ -251,7 +251,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 
 def levels_table(report: Mapping[str, Any]) -> Table:
-    """A row for each noise level, with its standard error."""
+    """A row for each noise level: value, unit and standard error."""
     units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
     rows = [
         [name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}"]
@@ -285,7 +285,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """A row for each point: residual of the fit, and error of its position as predicted from the other points."""
+    """A row for each point: residual of the fit, and error of the position that the other points predict."""
     keys = ("residual_mm", "left_out_mm", "left_out_expected_mm")
     rows = [[row["name"], *(_number(row[key], ".2f") for key in keys)] for row in report["points"]]
     title, heads = f"Registration by {counted(len(rows), 'point')}", [["point"], "residual", "left out", "expected"]

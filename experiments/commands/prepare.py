@@ -75,7 +75,7 @@ def new(
     field: Annotated[
         str | None,
         typer.Option(
-            "--field", help="With --mesh: data field with the share of gland (0 to 1), or labels of --region."
+            "--field", help="With --mesh: data field with the share of gland (0 to 1), or with labels for --region."
         ),
     ] = None,
     region: Annotated[
@@ -173,7 +173,7 @@ def simulate(
     film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film; with --no-film only marks.csv.")] = True,
     force: Force = False,
 ) -> Answer:
-    """Simulate a scenario's tissue; write a recording with film or marks, and true positions."""
+    """Simulate a scenario's tissue; write a recording (film or marks) and true positions."""
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
     from experiments.simulation.simulate import simulate as write_recording

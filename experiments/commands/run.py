@@ -96,9 +96,10 @@ class Run:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and find which steps, such as `identify`, it lacks before the given command.
+        """Set the scene of this run, and find the steps that the scene lacks before the given command.
 
-        `begun` reports these steps. Raises InputError if the scene's network is too large for a filter.
+        A step is a command such as `identify`; `begun` reports the steps. Raises InputError if the scene's network is
+        too large for a filter.
         """
         from experiments.pipeline.events import scene_line, steps_left_out
 
@@ -112,7 +113,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that the scene lacks, if not yet reported. Call it after all input has been read."""
+        """Report the steps that the scene lacks, only once. Call this method after all input has been read."""
         if not self._reported:
             self._reported = True
             for line in self._left_out.values():

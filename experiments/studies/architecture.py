@@ -43,7 +43,7 @@ class Room:
 
 @cache
 def rooms_of(package: str) -> list[Room]:
-    """The sub-packages of a package, sorted by name. The modules in their sub-folders belong to them."""
+    """The sub-packages of a package, sorted by name. A sub-package includes the modules of its sub-folders."""
     found = []
     for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""

@@ -11,7 +11,7 @@ advice: `path_ms_a_second` is the time in which the filter predicts the target's
 `quick_path_ms` is the time to compute the path for 1.5 s from tables. `live_frame_ms` is the time of one live frame: it
 updates and fits the breathing model, computes a path from tables, and evaluates 4 start times of the insertion.
 `advise_plane_ms` and `advise_space_ms` are the times to evaluate 21 start times within 2 s for a known path.
-`plan_500_paths_ms` is the time to plan 500 straight paths; `hit_probability_ms` is that to compute a hit probability.
+`plan_500_paths_ms` is the time to plan 500 straight paths; `hit_probability_ms` is the time for one hit probability.
 recording: times per frame for advice, tuning and smoothing, see `experiments.studies.bench_recording`.
 detect: time to find four red marks in a picture of 1280x720: in the whole picture, near expected positions, or by
 OpenCV's SimpleBlobDetector with its default settings.
@@ -154,7 +154,7 @@ def filter_step() -> dict[str, float]:
 
 
 def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
-    """Median time per frame [ms]; the filter also assigns the marks of each of the groups to nodes."""
+    """Median time per frame [ms]. Within each group of nodes, the filter also assigns marks to nodes."""
     identity = AssociationFilter(tissue, groups)
 
     def step(time_s: float, marks: list[MarkMeasurement]) -> None:

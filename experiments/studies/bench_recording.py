@@ -6,9 +6,9 @@ advise_ms, advise_by_filter_ms: time of the advice in one frame. It evaluates 21
 tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the filter's time for the same frames
 smooth_ms: time of `fixed_interval` per frame; smooth_ratio: this time divided by the filter's time for the same frames
 
-The row `film_640x480` is for a film with drawn estimates. Processor times per frame on a busy machine were 4.1 ms for
-tracking, 3.4 ms for drawing and 3.7 ms for compression, in all 11.2 ms. If one of the four marks is missing in every
-frame, the total is 32.5 ms, of which the search for this mark takes 25 ms.
+The row `film_640x480` is for a film with estimates drawn into it. Processor times per frame on a busy machine were
+4.1 ms for tracking, 3.4 ms for drawing and 3.7 ms for compression, in all 11.2 ms. If one of the four marks is missing
+in every frame, the total is 32.5 ms, of which the search for this mark takes 25 ms.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Median times of advice in a frame [ms], with a target path from tables and with one from the filter."""
+    """Median times of advice in a frame [ms]: the target's path is predicted from tables, or by the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)

@@ -96,7 +96,7 @@ def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
 
 SD_M = (0.3e-3, 1e-3, 4.14e-3, 10e-3, 30e-3)
 STATED = (1.0, 10.0, 1.0 / 3.0)
-"""Ratio of the marks' stated standard deviation to the true one."""
+"""Ratios of the stated to the true standard deviation of the marks."""
 
 CELL = ["body", "pushes", "sd_m", "stated"]
 

@@ -142,7 +142,7 @@ WORDS = {
     "lloyd": "Lloyd",
     "fitted": "fitted to other boxes",
 }
-"""Headings of the methods in the table of errors, which omits `own`, because its errors are zero."""
+"""Headings of the methods in the table of errors. The method `own` has no column, because its errors are zero."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -266,7 +266,7 @@ CELLS = 10
 """Number of cells along a side of a box; choice: a box takes some seconds."""
 
 FEWEST_CELLS = 6
-"""Least number of cells along a side; choice: one for each of a sheet's three layers and for each gap."""
+"""Least number of cells along a side; choice: a `sheet` has three layers and three gaps, each at least one cell."""
 
 
 @command

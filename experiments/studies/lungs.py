@@ -42,7 +42,7 @@ PHASE_S = 0.4
 class Lung:
     """One lung of a person.
 
-    name: name of the file, and the side; positions: positions of the landmarks [m], (n_phases, n, 3)
+    name: name of the file, and the side; positions: positions of the landmarks [m], (n_phases, n_landmarks, 3)
     hull, inner: indices of landmarks on and inside the convex hull of the first phase
     """
 
@@ -79,7 +79,7 @@ def read_person(path: Path) -> list[Lung]:
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Masks of the landmarks in the right and the left lung, (n,) each; places: positions of landmarks, (n, 3)."""
+    """Masks of the landmarks in each lung, (n_landmarks,), by side; places: positions, (n_landmarks, 3)."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -129,7 +129,7 @@ def _lung(path: Path, side: str, positions: Floats) -> Lung:
 class LungConstants:
     """Constants of the network of a lung, the same for all lungs.
 
-    strand_n: stiffness of a spring times its length [N], as for a strand of 20 mm x 20 mm with 2 kPa; choice
+    strand_n: stiffness of a spring times its length [N], as of a strand of 20 mm x 20 mm, modulus 2 kPa; choice
     damping_s: ratio of a spring's damping to its stiffness [s]; choice
     mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
     reading_sd_m: sd of a landmark's measured position on each axis [m]; source: readers differ by about 1 mm

@@ -132,8 +132,8 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     """Follow two marks of one hue that cross and touch; their relative speed is 2 px per frame or more.
 
-    A filter with constant velocity predicts each mark. Returns the number of exchanges, and the number of frames. In an
-    exchange, a mark is found nearer to the other mark's true position while the marks do not touch.
+    A filter with constant velocity predicts each mark. A detection is an exchange if it is nearer to the other mark's
+    true position and the marks do not touch. Returns the number of exchanges, and the number of frames.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])

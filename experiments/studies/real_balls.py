@@ -67,7 +67,7 @@ START_SD_PX = 5.0
 GONE = 10
 """Number of frames without a detection after which a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
-"""Standard deviation of a velocity at the first detection [px/s]; choice."""
+"""Standard deviation of a mark's velocity when the mark is first detected [px/s]; choice."""
 
 
 class PxFollower:

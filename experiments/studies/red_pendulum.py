@@ -87,7 +87,7 @@ class Plane:
         return unit @ np.diag([units_per_m, units_per_m, 1.0])
 
     def seen(self, angles: Floats) -> Floats:
-        """Positions of the ball in the picture [px], (n, 2), for angles of the cord from the vertical [rad], (n,)."""
+        """Positions of the ball in the picture [px], (n_angles, 2), for angles of the cord from the vertical [rad]."""
         places = self.radius_px * np.stack(
             [np.sin(angles), -np.cos(angles), np.full(len(angles), 1.0 / self.radius_px)]
         )
@@ -111,7 +111,7 @@ class Swing:
 
     @property
     def length_m(self) -> float:
-        """Length of the cord: g / w²."""
+        """Length of the cord: gravity divided by the squared frequency."""
         return GRAVITY / self.frequency**2
 
     @property
@@ -121,7 +121,7 @@ class Swing:
 
 
 def seen_centers(film: Path) -> tuple[Floats, Floats]:
-    """Exposure times [s], (n,), and centres of the ball [px], (n, 2). Raises InputError if a frame shows no ball."""
+    """Exposure times [s] and centres of the ball [px], (n_frames, 2). Raises InputError if a frame shows no ball."""
     rows = followed(film, FILMS["red-pendulum"])
     if not rows.seen.all():
         raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")
@@ -206,7 +206,7 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Whether the mark is withheld in each frame, (n,): for the first 0.3 s of each second after offset_s [s]."""
+    """Mask of the frames whose mark is withheld, (n_frames,): the first 0.3 s of each second after offset_s [s]."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 

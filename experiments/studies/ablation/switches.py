@@ -19,7 +19,7 @@ from experiments.studies.ablation.recordings import Recording
 WHOLE = "whole filter"
 
 FORCES, FIELD = Disturbances(), Discrepancy()
-"""Default priors: of the forces on the tissue, and of the displacements that the model leaves out."""
+"""Default priors: of the forces on the tissue, and of the displacements that the model does not contain."""
 
 Fields = Mapping[str, Any]
 

@@ -37,9 +37,9 @@ extent [1]; choice."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lung:
-    """One lung: landmarks at the end of inhaling and of exhaling [m], (n, 3) each.
+    """One lung: landmarks at the end of inhaling and of exhaling [m], (n_landmarks, 3) each.
 
-    depth: depth of each landmark below the convex hull, relative to the lung's longest extent [1], (n,)
+    depth: depth of each landmark below the convex hull, relative to the lung's longest extent [1], (n_landmarks,)
     """
 
     name: str
@@ -99,7 +99,7 @@ BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=
 """Forces of a breath, which are smooth over the lung. Their strength is 1 % of gravity; choice."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Prior of the displacements that the network leaves out. Two frames cannot determine their size; choice."""
+"""Prior of the displacements that the network does not model. Two frames cannot determine their size; choice."""
 
 FRAMES_S = (0.0, 2.0)
 """Times of the end of inhaling and of exhaling [s], half a breath apart."""
@@ -119,7 +119,7 @@ class DenseConstants:
     """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a landmark's measured position on each axis [m]; readers differ by 1 mm (1.6 sd) on average
+    scatter_m: sd of a landmark's measured position on each axis [m]; on average, readers differ by 1 mm (1.6 sd)
     disturbances, discrepancy: priors of the filter
     """
 
@@ -160,7 +160,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Estimates of hidden landmarks at the end of exhaling [m], (n, 3); covariances [m²], (n, 3, 3), or None."""
+    """Estimated hidden landmarks at the end of exhaling [m], (n_hidden, 3); covs: [m²], (n_hidden, 3, 3), or None."""
 
     means: Floats
     covs: Floats | None = None
@@ -170,7 +170,7 @@ class Found:
 class Body:
     """A coarse network of a lung. Its first nodes are the marks; four nodes interpolate each hidden landmark.
 
-    corners, weights: indices and weights of the four nodes of each hidden landmark, (n, 4)
+    corners, weights: indices and weights of the four nodes of each hidden landmark, (n_hidden, 4)
     """
 
     network: MassSpringNetwork

@@ -120,7 +120,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """Do one fit. A row for each constant has the error of its logarithm before and after the fit, and its sd."""
+    """Do a fit. A row for each constant has the logarithm's error before and after the fit, and its standard error."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))

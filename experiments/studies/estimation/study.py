@@ -63,7 +63,7 @@ Row = dict[str, float | int]
 def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run: mean errors [mm], coverage, mean NEES, and whether the error was ever large.
 
-    diverged: whether the error exceeded FAR_M with the status TRACKING, for UNREPORTED_S or in the last frame
+    diverged: whether, under the status TRACKING, the error exceeded FAR_M for UNREPORTED_S or in the last frame
     ever_far: whether the error exceeded FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M

@@ -86,7 +86,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """True positions of free nodes [m], (n, n_free, dim), at KNOTS_PER_S samples per second, stored in `cache`."""
+    """True positions of free nodes [m], (n_times, n_free, dim), KNOTS_PER_S of them per second, stored in `cache`."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,
@@ -152,7 +152,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 def turned(positions: Floats) -> bool:
     """Whether any spring ever turns by more than 90 degrees from its direction at rest.
 
-    positions: positions of free nodes [m], (n, n_free, dim)
+    positions: positions of free nodes [m], (n_times, n_free, dim)
     """
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()

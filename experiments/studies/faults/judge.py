@@ -24,8 +24,8 @@ ONSET_S = 4.0
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for the display of a fault that a single frame shows [s], or three frame intervals if they are longer; a
-requirement."""
+"""Time limit for the display of a fault that a single frame shows [s]. If three frame intervals are longer, they are
+the limit; a requirement."""
 HIDDEN_S = 2.0
 """Time limit for a fault that no single frame shows [s]. By then, the fault must be displayed, or the covariance must
 cover the error that the fault causes; a requirement."""
@@ -198,7 +198,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Start of the first STEADY_S without a displayed fault and without a wrong estimate [s]; None without recovery."""
+    """Start [s] of the first period of STEADY_S without displayed faults and wrong estimates; None if there is none."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -246,7 +246,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Duration [s] that the viewer saw before the film's time until_s, and that tables or recording lack."""
+        """Duration [s] missing in tables or recording, of what the viewer saw before the film's time until_s."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0

@@ -41,7 +41,7 @@ DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """Time from exposure to arrival [s]: half a frame interval, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that GO is nearly always displayed without a fault. WAIT would hide faults."""
+"""Radius of the lesion [m]: so large that runs without a fault nearly always display GO. WAIT would hide faults."""
 ABOVE_M = 0.03
 """Distance from the needle's entry to the target at rest [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -58,7 +58,7 @@ Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
 class TrackedNeedle:
     """A needle with a tracker.
 
-    pose: function that returns the true pose for a time since the fault's onset [s] and the planned insertion
+    pose: function of the time since the fault's onset [s] and of the planned insertion; it returns the true pose
     push_N: force on the tissue along the needle's axis while part of the needle is inside [N]
     seen: function that returns whether the tracker sees the needle at a time since the fault's onset [s]
     """

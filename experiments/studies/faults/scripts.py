@@ -33,7 +33,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """A fault that drops reads of the camera; keeps: whether a read remains, from its number since the onset."""
+    """A fault that drops reads of the camera; keeps: function that returns whether read k after the onset remains."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
@@ -69,7 +69,7 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> 
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
-    """A fault of a camera that states exposure times: during the fault, they have the error fault_s [s]."""
+    """A fault of a camera that states exposure times. During the fault, the stated times have the error fault_s [s]."""
     return lambda arrivals, rng, lasts_s: arrives(
         [
             replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))
@@ -109,24 +109,24 @@ _PICTURES: tuple[tuple[str, str, float, Alters], ...] = (
     ("overexposed", "white pictures for 2 s", LASTS_S, _noise(250, 256)),
     (
         "another size",
-        "pictures of 320 x 240 for 2 s",
+        "pictures have 320 x 240 px for 2 s",
         LASTS_S,
         lambda image, _since_s, _rng: np.asarray(cv2.resize(image, (320, 240)), dtype=np.uint8),
     ),
     (
         "BGRA",
-        "pictures of four channels for 2 s",
+        "pictures have four channels for 2 s",
         LASTS_S,
         lambda image, _since_s, _rng: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)]),
     ),
     (
         "16 bit",
-        "pictures of 16 bit for 2 s",
+        "pixels have 16 bits for 2 s",
         LASTS_S,
         lambda image, _since_s, _rng: cast(Image, image.astype(np.uint16) * 257),
     ),
     ("dimmed", "the lamp dims to a third", FOREVER, _dimmed),
-    ("hue shifted", "all hues turn by 30 degrees", FOREVER, _shifted_hue),
+    ("hue shifted", "all hues shift by 30 degrees", FOREVER, _shifted_hue),
     ("blood", "blood as red as a mark runs over the picture", FOREVER, _bleeding),
 )
 
@@ -138,7 +138,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_kept(lambda k, _rng: bool(k % 2))),
     ScriptedFault(
         "dropped at random",
-        "half of the frames, at random, are lost for 2 s",
+        "a random half of the frames is lost for 2 s",
         within_s=HIDDEN_S,
         arrivals=_kept(lambda _k, rng: rng.random() > 0.5),
     ),
@@ -146,7 +146,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("lag", "all frames come 1 s late", FOREVER, arrivals=_lag),
     ScriptedFault(
         "blocked, dated",
-        "timestamped reads block for 2 s",
+        "reads of timestamped frames block for 2 s",
         arrivals=_dated(0.0, _blocked),
     ),
     ScriptedFault(
@@ -161,7 +161,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("NaN times", "the camera's times are NaN", FOREVER, arrivals=_dated(np.nan)),
     ScriptedFault(
         "NaN pictures",
-        "pictures of NaN for 2 s",
+        "all pixels are NaN for 2 s",
         picture=lambda image, _since_s, _rng: np.full(image.shape, np.nan, dtype=np.float32),
     ),
 )
@@ -241,7 +241,7 @@ TISSUE: tuple[ScriptedFault, ...] = (
     ScriptedFault("cut spring", "a spring is cut", FOREVER, HIDDEN_S, becomes=_cut),
     ScriptedFault("slipped anchor", "an anchor slips by 8 mm", FOREVER, HIDDEN_S, becomes=_slipped),
     ScriptedFault("stiffness", "the scene's springs are 30 % too stiff", FOREVER, HIDDEN_S, assumed=_stiffer),
-    ScriptedFault("scale", "the scene states 5 % more mm per pixel", FOREVER, HIDDEN_S, assumed=_scaled),
+    ScriptedFault("scale", "the scene's scale [mm/px] is 5 % too large", FOREVER, HIDDEN_S, assumed=_scaled),
     ScriptedFault("wrong scene", "the scene's body is 30 % too large", FOREVER, HIDDEN_S, assumed=_another),
 )
 
@@ -298,7 +298,7 @@ def _thrown(by_m: float) -> Callable[[Session], None]:
 
 
 LOOP: tuple[ScriptedFault, ...] = (
-    ScriptedFault("needle bent", "after GO the needle bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
+    ScriptedFault("needle bent", "after GO, the needle enters and bends by 90 degrees", needle=TrackedNeedle(_bends)),
     ScriptedFault(
         "needle unseen",
         "the needle bends, and its tracker loses it or sends NaN",
@@ -306,7 +306,7 @@ LOOP: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault(
         "touched early",
-        "without GO a needle presses 5 mm into the skin",
+        "a needle presses 5 mm into the skin without GO",
         needle=TrackedNeedle(_touches, push_N=DENT_N),
     ),
     ScriptedFault("filter diverges", "the filter's nodes are displaced by 110 mm", FOREVER, upsets=_thrown(THROWN_M)),

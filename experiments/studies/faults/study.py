@@ -21,7 +21,7 @@ from experiments.studies.faults.scripts import CAMERA, LOOP, TISSUE
 from experiments.studies.faults.system import SYSTEM
 from experiments.studies.grid import chosen, grid
 
-_ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
+_ALL: tuple[Fault, ...] = (ScriptedFault("none", "no fault", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
 
 FAULTS: Mapping[str, Fault] = {fault.name: fault for fault in _ALL}
 """All faults by name, in the order of the table."""
@@ -129,7 +129,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
         notes += [f"covered {row.covered}/{row.seeds}"] if row.covered < row.seeds else []
         notes += [f"GO wrong {row.go_shown_while_faulty}/{row.go}"] if row.go_shown_while_faulty else []
         one = f"{row.what} ({', '.join(notes)})" if notes else row.what
-        groups.setdefault(beginning(row.shown) or "nothing", []).append(one)
+        groups.setdefault(beginning(row.shown) or "no report", []).append(one)
     return groups
 
 

@@ -41,7 +41,7 @@ all lines together exceed a terminal's buffer."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""A request that the process refuses. Unlike the refusal of a needle's pose, its refusal does not end the advice."""
+"""A request that the process refuses while its advice continues. A refused needle pose would end the advice."""
 
 Acts = Callable[[LiveRun], None]
 
@@ -126,7 +126,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """Add a viewer that shows each state for a second, and a client of each server that never reads."""
+    """Add a viewer that shows each state for a second. Then connect to each server, and never read from it."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -232,12 +232,12 @@ def _killed(number: signal.Signals) -> Acts:
 
 
 SYSTEM: tuple[SystemFault, ...] = (
-    SystemFault("no fault of the system", "nothing fails, in real time", 0.0),
-    SystemFault("slow consumer", "viewers read one state per second, or none", before=_with_openigtlink, begins=_slow),
+    SystemFault("no fault of the system", "no fault, in real time", 0.0),
+    SystemFault("slow consumer", "a viewer is slow, other clients never read", before=_with_openigtlink, begins=_slow),
     SystemFault("50 viewers", "fifty viewers connect at once", begins=_many),
     SystemFault(
         "terminal not read",
-        "nobody reads 1,500 lines on the terminal for 4 s",
+        "the terminal reads none of 1,500 lines for 4 s",
         2.0 * LASTS_S,
         before=_in_terminal,
         begins=_unread,
@@ -245,8 +245,8 @@ SYSTEM: tuple[SystemFault, ...] = (
     ),
     SystemFault("stdout closed", "1,500 lines are written to closed outputs", FOREVER, begins=_closed),
     SystemFault("disk full", "the disk is full", FOREVER, begins=_full, writes=False),
-    SystemFault("TERM", "ended by SIGTERM", FOREVER, begins=_killed(signal.SIGTERM), writes=False),
-    SystemFault("KILL", "ended by SIGKILL", FOREVER, begins=_killed(signal.SIGKILL), writes=False),
-    SystemFault("port taken", "the requested port is taken", FOREVER, STARTS_WITHIN_S, before=_taken),
-    SystemFault("usual port taken", "the page's usual port is taken", 0.0, before=_usual_taken),
+    SystemFault("TERM", "SIGTERM ends the process", FOREVER, begins=_killed(signal.SIGTERM), writes=False),
+    SystemFault("KILL", "SIGKILL ends the process", FOREVER, begins=_killed(signal.SIGKILL), writes=False),
+    SystemFault("port taken", "another program uses the requested port", FOREVER, STARTS_WITHIN_S, before=_taken),
+    SystemFault("usual port taken", "another program uses the page's default port", 0.0, before=_usual_taken),
 )

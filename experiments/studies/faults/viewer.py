@@ -21,14 +21,14 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """A client of the stream that shows a state, and then requests the newest state.
+    """A client of the stream: it shows a state, then requests the newest state, and so on.
 
     Like the page, it shows STALE in two cases: if no state has arrived for STALE_S, and if the delay of a state exceeds
     the smallest delay so far by more than STALE_S.
 
     motion: true motion of all nodes; target: index of the target node
     n_measured: number of marks that the filter may use; pause_s: time for which each state is shown [s]
-    moments: what was displayed so far; known_s: arrival and exposure times of states with a new frame [s]
+    moments: what was displayed so far; known_s: arrival and exposure time of each state with a new frame [s]
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:

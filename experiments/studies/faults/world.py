@@ -66,7 +66,7 @@ def scene_in_view(scenario: Scenario) -> Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """True positions of all nodes: times since the first exposure [s], (n,), positions [m], (n, n_nodes, dim)."""
+    """True positions of all nodes: times since the first exposure [s], and positions [m], (n_times, n_nodes, dim)."""
 
     times_s: Floats
     positions: Floats
@@ -162,7 +162,7 @@ class ScriptedFrames(LiveFrames):
         self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame that has arrived, or else the first that arrives within timeout_s [s]; None if none does."""
+        """The newest frame. If no frame has arrived, wait for one up to timeout_s [s]; None if no frame arrives."""
         until_s = self.now_s + timeout_s
         self._read_until(self.now_s)
         while not self._waiting and self._to_come and self._to_come[0].at_s <= until_s:
@@ -183,7 +183,7 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _device(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call. Those that are faults are also stored for `reported`."""
+        """The events since the last call. Events that are faults are also stored for `reported`."""
         events = super().take_events()
         self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events

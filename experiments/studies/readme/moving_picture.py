@@ -72,7 +72,7 @@ class Watched:
 def enlarged(
     image: Image, camera: PlaneCamera, at_m: np.ndarray, by: float, at_px: tuple[float, float], size_px: tuple[int, int]
 ) -> tuple[Image, PlaneCamera]:
-    """The picture enlarged by a factor, and its camera. The plane's point `at_m` [m] gets the position `at_px`."""
+    """The picture, enlarged by the factor `by`, and its camera. The plane's point at_m [m] moves to the pixel at_px."""
     u, v = camera.project(at_m[None])[0]
     enlarge = np.array([[by, 0.0, at_px[0] - by * u], [0.0, by, at_px[1] - by * v], [0.0, 0.0, 1.0]])
     larger = cv2.warpAffine(image, enlarge[:2], size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

@@ -37,13 +37,13 @@ SLOW, MOST = 6, 40
 """Numbers of iterations after which the matrix is factored again, and after which the step fails; numerical."""
 
 Load = Callable[[float], Floats]
-"""Forces on all nodes at a time [s], (n_nodes, 3) [N]."""
+"""Function of a time [s]; it returns the forces on all nodes [N], (n_nodes, 3)."""
 
 
 def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
-    """Positions of all nodes [m], (n_frames, n_nodes, 3), for a body that is at rest at the first time.
+    """Positions of all nodes [m], (n_frames, n_nodes, 3), of a body that is at rest in the first frame.
 
-    times_s: equally spaced times of the frames [s]; load: forces on all nodes at a time.
+    times_s: equally spaced times of the frames [s]; load: function that returns the forces on all nodes at a time.
 
     Raises RuntimeError if a step has no solution.
     """
@@ -169,7 +169,7 @@ def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, mov
 
 @cache
 def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[str, ...], Floats, list[float]]:
-    """Names of the points, their true positions [m], (n_frames, n, 3), and the filter's moduli [Pa]."""
+    """Names of the points, their true positions [m], (n_frames, n_points, 3), and the filter's moduli [Pa]."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)

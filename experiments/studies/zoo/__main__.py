@@ -102,7 +102,7 @@ def faults(cell: Any) -> list[str]:
 
 
 def summary(cells: pd.DataFrame) -> str:
-    """List in Markdown: for each kind of constants the number of rows within all bounds, and two error ratios."""
+    """List in Markdown: for each kind of constants, the number of rows within all bounds, and two error ratios."""
     lines = []
     for constants, bounds in BOUNDS.items():
         own = cells[cells["constants"] == constants]

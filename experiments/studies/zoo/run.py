@@ -61,7 +61,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights of a thin-plate spline, (n_wanted, n_known); known, wanted: positions of data and results, (n, dim)."""
+    """Matrix, (n_wanted, n_known), by which a thin-plate spline maps data at points `known` to points `wanted`."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]
@@ -110,7 +110,7 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """The result of `run`; case: a `Case` as a mapping from names to values, as `run_study` passes it."""
+    """The result of `run` for a case from `run_study`, which passes cases as mappings from names to values."""
     return run(Case.from_json(case))
 
 

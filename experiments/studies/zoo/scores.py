@@ -23,7 +23,8 @@ SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
 class Followed:
     """Estimates of a filter in a recording. They end early if the filter fails or exceeds its time limit.
 
-    means: positions of hidden points [m], (n, n_hidden, dim); covs: their covariances [m²], (n, n_hidden, dim, dim)
+    means: positions of hidden points [m], (n_frames, n_hidden, dim)
+    covs: covariances of these positions [m²], (n_frames, n_hidden, dim, dim)
     status: status of each frame; seconds: the filter's processor time [s]
     repairs: number of the filter's numerical repairs, by kind; failure: why the run ended early, empty if it did not
     """
@@ -37,7 +38,7 @@ class Followed:
 
     @property
     def tracking(self) -> NDArray[np.bool_]:
-        """Whether each frame is TRACKING, (n,)."""
+        """Whether each frame is TRACKING, (n_frames,)."""
         return np.array([status is Status.TRACKING for status in self.status], dtype=bool)
 
 
@@ -79,7 +80,7 @@ def followed(
 
 
 def mean_distance(places: Floats, truth: Floats) -> float:
-    """Mean distance of positions from the truth [m]; infinite if a position is not finite. Both: [m], (..., dim)."""
+    """Mean distance of positions from true positions [m], (..., dim) each; infinite if a position is not finite."""
     if not np.isfinite(places).all():
         return float("inf")
     return float(np.linalg.norm(places - truth, axis=-1).mean())

@@ -31,8 +31,8 @@ MOST = 0.005
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Bounds for differences that get no row: largest median error [mm], which is the noise of the marks, and least
-coverage [%]; choice."""
+"""Bounds for worlds that get no row: largest median error [mm], equal to the noise of the marks, and least coverage
+[%]; choice."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
@@ -52,7 +52,7 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 def markdown(rows: pd.DataFrame) -> str:
     """Table with a row for each of `WORLDS`. A row is bold if the share of wrong GO exceeds `MOST` for any body.
 
-    Those within the bounds `HARMLESS` have no row; a line below the table names them.
+    A world within the bounds `HARMLESS` has no row. A line below the table lists these worlds.
     """
     lines, harmless = [], []
     for world in WORLDS:

@@ -231,7 +231,7 @@ WORLDS: Mapping[str, World] = {
     "a spring of the target is missing": World(
         truth=_body(stiffness=_of_most_loaded(1e-3), damping=_of_most_loaded(1e-3))
     ),
-    "the target's springs are softer, its rest unchanged": World(truth=Truth(_loose)),
+    "the target's springs are softer, with unchanged rest shape": World(truth=Truth(_loose)),
     "the target's mass is three times as large": World(truth=_body(masses=_of_target_mass(3.0))),
     "all springs are half as stiff": World(truth=_body(stiffness=0.5)),
     "all springs are twice as stiff": World(truth=_body(stiffness=2.0)),
@@ -247,7 +247,7 @@ WORLDS: Mapping[str, World] = {
     "stiffness stated in N/mm": World(scene=_stated(stiffness=1e-3)),
     "the target is also poked": World(truth=Truth(pushes=Pushes(hidden=True))),
     "pokes of 15 m/s²": World(truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
-    "breathing accelerates the whole mass": World(truth=Truth(pushes=Pushes(everywhere=True))),
+    "breathing accelerates all free nodes": World(truth=Truth(pushes=Pushes(everywhere=True))),
     "the body turns by 60 degrees": World(truth=Truth(pushes=Pushes(turned_deg=60.0))),
     "a second breathing force, sideways": World(truth=Truth(pushes=Pushes(second=True))),
     "an anchor slips by 5 mm": World(ONSET_S, truth=Truth(becomes=_slipped, onset_s=ONSET_S)),

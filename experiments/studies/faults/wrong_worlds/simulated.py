@@ -142,7 +142,7 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
 
 
 def _posture(gravity: Floats, turned_deg: float) -> Posture:
-    """A rotation of gravity by this angle, from the axis along which it acts towards the next axis."""
+    """A rotation of gravity by this angle [degrees], from the axis of gravity towards the next coordinate axis."""
     angle = np.radians(turned_deg)
     to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
     return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
@@ -167,9 +167,9 @@ MARK_SD_M = 1e-3
 class Seen:
     """Frames of a tracker.
 
-    exposed_s, stated_s: exposure times by the true clock and by the tracker's clock [s], (n,)
-    arrive_s: arrival times of the frames by the true clock [s], (n,)
-    nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim)
+    exposed_s, stated_s: exposure times by the true clock and by the tracker's clock [s], (n_frames,)
+    arrive_s: arrival times of the frames by the true clock [s], (n_frames,)
+    nodes: nodes of the marks; places: measured positions [m], (n_frames, n_marks, dim)
     middle: centre of the body at rest [m], (dim,)
     """
 
@@ -181,7 +181,7 @@ class Seen:
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Whether each frame is exposed between begins_s and begins_s + lasts_s [s], (n,)."""
+        """Whether each frame is exposed between begins_s and begins_s + lasts_s [s], (n_frames,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
@@ -199,7 +199,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """Lines of text that the tracker sends, and their arrival times [s], in order; sd_m: sd of marks in them [m]."""
+    """Arrival times [s] and lines of text that the tracker sends, in order; sd_m: stated sd of the marks [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
@@ -225,11 +225,11 @@ class ScriptedMarks(LiveMarks):
 
     @property
     def ended(self) -> bool:
-        """Whether all lines have been used."""
+        """Whether all lines have arrived, and `next` has found no further frame."""
         return self._at_end or super().ended
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that has arrived, or else the first that arrives within timeout_s [s]; None if none does."""
+        """The newest frame. If no frame has arrived, wait for one up to timeout_s [s]; None if no frame arrives."""
         until_s = self.now_s + timeout_s
         while self._to_come and self._to_come[0][0] <= self.now_s:
             self.take_line(self._to_come.popleft()[1])

@@ -257,7 +257,7 @@ def test_the_table_tells_the_slowest_and_the_sum():
     assert blood[1:] == ["20 ms, 1 of 2", "COASTING", "x 3.0", "1 of 2", "400 ms", "3", "11", "exit 0; exit 2", "0.5 s"]
     assert cells(rows)[0][-2:] == ["–", "–"]
     quiet, bled, _, go = markdown(rows).splitlines()
-    assert quiet == "- **nothing**: nothing fails"
+    assert quiet == "- **no report**: no fault"
     blood = "blood as red as a mark runs over the picture"
     assert bled == f"- **COASTING**: {blood} (20 in 1/2, covered 1/2, GO wrong 3/11)"
     assert go == "GO wrong: 3 of 101."
