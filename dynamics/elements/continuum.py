@@ -53,8 +53,8 @@ SAMPLES = 500
 """Approximate number of surface nodes from which the functions are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""Root mean square displacement of the points in a mode, relative to the body's extent, below which the mode is omitted
-[1]; numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
+"""Root mean square displacement of the marks and targets in a mode, relative to the body's extent, below which the mode
+is omitted [1]; numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
 
 POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces for the selection of modes, divided by the body's mass [m/s²]; choice. For a stiff body, they are
@@ -294,8 +294,9 @@ def _modes(
 ) -> tuple[Floats, Floats]:
     """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²], (r,).
 
-    The modes span the responses to forces, (3 n, n_responses), without those that hardly move the points. The modes of
-    a free body also span its affine motions. at_points: displacement of the points, (3 k, n_responses)
+    The modes span the responses to forces, (3 n, n_responses). Combinations of them that hardly move the points are
+    omitted. If the body is not held, the modes also span its affine motions.
+    at_points: displacement of the points in each response, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
     _, sizes, right = np.linalg.svd(at_points, full_matrices=False)

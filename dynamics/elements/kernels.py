@@ -1,4 +1,4 @@
-"""Compiled material laws of linear tetrahedra, and loops over patches of them.
+"""Compiled material laws of linear tetrahedra, and loops over patches of tetrahedra.
 
 With the deformation gradient F of an element and Lamé's constants mu and lambda, the energy per rest volume [J/m³] is
 
@@ -124,7 +124,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
-    """Energy density divided by mu, and theta, of element e; writes all scratch arrays but `h` and `inverse`.
+    """Energy density of element e divided by mu, and its theta (see the module); fills s, except `h` and `inverse`.
 
     x, v: positions and velocities of the nodes on which the element's energy depends, (n, 3)
     """
@@ -207,7 +207,7 @@ def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-u
     """Write the energy of each patch [J], (n_patches,); add the forces on its nodes [N], (n_patches, n_corners, 3).
 
     x, v: positions and velocities of the nodes, shaped as force
-    moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
+    moduli: lambda, mu [Pa], lambda', mu' [Pa s] of each tetrahedron, (m, 4)
     """
     s = _scratch()
     for q in range(len(x)):

@@ -2,7 +2,7 @@
 
 A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector. Each shape
 can therefore move the body in any direction. The constant 1 and the rest coordinates are shapes, so affine motions are
-exact. The projection on responses follows [benner2015].
+exact. All other shapes come from responses of the body to forces [benner2015].
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Span:
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Map from reduced coordinates, which are dim for each shape; shapes: (n_nodes, r); masses: (n_nodes,) [kg].
+        """Map from dim reduced coordinates for each of r shapes; shapes: (n_nodes, r); masses: (n_nodes,) [kg].
 
         A reduced coordinate is the root mean square displacement weighted by mass [m]. Independent accelerations of the
         nodes give independent reduced accelerations.

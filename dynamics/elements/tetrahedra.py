@@ -26,7 +26,7 @@ LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
 
 
 class TissueConstants(NamedTuple):
-    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s], each (m,) or one number.
+    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s]: one of each per tetrahedron, (m,), or for all.
 
     At rest the damping matrix is the stiffness matrix multiplied by the damping time.
     """

@@ -42,8 +42,8 @@ def build_network(
     masses, drag, friction: mass [kg], viscous drag [N s/m] and Coulomb friction [N] of the nodes
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
     fixed: names of the anchors
-    rest_lengths: lengths [m]; or "as drawn" for the lengths in the drawn shape, with which the network sags under
-        gravity; or "at rest" for rest lengths near those in the drawn shape with which the network rests as drawn
+    rest_lengths: lengths [m]; or "as drawn": lengths in the drawn shape, so that the network sags under gravity;
+        or "at rest": lengths that differ slightly from those in the drawn shape, so that the network rests as drawn
 
     Each constant is one number for all springs or nodes, or an array in their order, (n_springs,) or (n_nodes,).
     Raises NetworkError for invalid arguments, and if small changes of rest lengths cannot balance the drawn shape.

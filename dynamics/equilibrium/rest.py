@@ -24,18 +24,18 @@ RIGID = 1e-9
 """Relative stiffness that is only a rounding error, such as the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
-"""Largest relative change of a rest length: `stable_step` is valid only up to this stretch."""
+"""Largest relative change of a rest length: `stable_step` is valid only if no spring's length changes by more."""
 
 RANK_TOLERANCE = 1e-12
 """Relative size below which a singular value is only a rounding error [1]."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
-"""Change of a relative rest length below which the iteration ends: a hundred times the rounding error."""
+"""The iteration ends if a step changes no rest length by more than this share: a hundred times the rounding error."""
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; if it has no anchors, without gravity, because an unknown support then balances the weight."""
+    """The network; if it has no anchors, its gravity is set to 0, because an unknown support balances the weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 

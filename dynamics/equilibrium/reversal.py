@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether any spring is reversed between the first and another state of each set of states, (n_sets,).
+    """For each set of states, whether any spring is reversed in a state, compared with the first state, (n_sets,).
 
     A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]

@@ -329,7 +329,7 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among all free coordinates, -1 for an anchor
-    definite: whether to replace negative stiffness, such as T / l across a compressed spring, by 0. Both matrices are
+    definite: whether to replace negative stiffness, such as T / l across a compressed spring, by 0. K and C are
         then semidefinite, and an implicit step damps buckling
     """
     n_nodes, dim, _ = x.shape
@@ -376,7 +376,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: if False, the derivatives are empty
-    Unlike the matrices of `tangents`, these are exact: they include rotations of dashpots and the slope of friction.
+    In contrast to `tangents`, the derivatives are exact: they include rotations of dashpots and the slope of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -430,7 +430,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of the step in the first stage, the trapezoidal rule, for which both stages have the same matrix [bank1985]."""
+"""Share of the step that the first stage (trapezoidal rule) covers: both stages then have one matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
 """Number of Newton iterations in a stage, and largest number if the iterations do not contract; numerical: a spring of

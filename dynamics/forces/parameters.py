@@ -81,7 +81,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Sum of this and another uncertainty. The errors of both are independent of each other."""
+        """Sum of this uncertainty and another one, whose errors are independent of the errors of this one."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -162,7 +162,7 @@ def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
 
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
-    """The network with each of these constants multiplied by exp(change); change: [1], (n_parameters,)."""
+    """The network with each constant of `which` multiplied by exp(change); change: [1], (n_parameters,)."""
     if network.continuum is not None:
         logs = np.zeros(len(network.continuum.tissues))
         np.add.at(logs, [parameter.index for parameter in which], np.asarray(change, dtype=float))

@@ -23,7 +23,7 @@ def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """S (n, n); in the first stage, derivatives of motion (2 n,) and forces (n_f,); motion after this stage (2 n,)."""
+    """Matrix S, (n, n); arguments `first`, (2 n,), `first_f`, (n_f,), and `middle`, (2 n,), of `second_stage`."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
@@ -40,6 +40,7 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     """State after the step, and the largest difference of a coordinate between the two stages [m].
 
+    first, first_f: rates of coordinates and velocities, (2 n,), and of decaying forces, (n_f,), in the first stage
     middle: coordinates and velocities after the first stage, (2 n,); force: force at `middle` [N], (n,)
     """
     n, g = len(M), GAMMA * h

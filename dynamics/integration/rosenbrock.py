@@ -29,7 +29,7 @@ class Move:
     """One step: its length [s], and the state after the step, (n_state,).
 
     by_state: derivative of the new coordinates and velocities by the state before the step, (2 n, n_state)
-    fading: factor by which each acceleration decays in the step, (n_f,)
+    fading: factor by which each decaying acceleration of the state changes in the step, (n_f,)
     S [1/kg], (n, n), K [N/m], (n, n), M [kg], (n,): matrices of the step as in `dynamics.integration.kernels`
     """
 
@@ -57,7 +57,7 @@ def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, whi
 
 
 class Rosenbrock:
-    """Integrator for states: coordinates [m] and velocities [m/s], (n,) each, and accelerations [m/s²], (n_f,).
+    """Integrator for coordinates [m] and velocities [m/s], (n,) each, and decaying accelerations f [m/s²], (n_f,).
 
     Parameters
     ----------
@@ -65,9 +65,9 @@ class Rosenbrock:
     masses : (n,)
         Mass of each free coordinate [kg].
     basis : (n, n_f)
-        Acceleration of each coordinate per unit of each decaying acceleration.
+        Acceleration of each coordinate per unit of each entry of f.
     fading_s : (n_f,)
-        Correlation times of the decaying accelerations [s].
+        Correlation times of f [s].
     tolerance_m : float
         Difference between the two stages above which a step is halved [m].
     """

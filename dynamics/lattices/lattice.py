@@ -31,8 +31,8 @@ FLATTEST = 1e-3
 omitted tetrahedra together have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Number of Newton steps to a surface, and half-width of the differences for the surface's normal, relative to the side
-[1]; numerical."""
+"""Number of Newton steps that move a point to a surface; half-width of the central differences of the distance to the
+surface, relative to the side of the cube [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ class Lattice:
 
     @property
     def crossing(self) -> NDArray[np.bool_]:
-        """Whether a spring crosses a surface of the structure by more than a hundredth of its length, (n_springs,)."""
+        """Whether a surface lies between a spring's ends, over 1 % of the spring's length from both, (n_springs,)."""
         ends = self.depths[self.springs]
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 

@@ -92,7 +92,7 @@ def orthotropic_moduli(stiffness: Floats) -> Moduli:
 
 
 def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
-    """Unit vectors for pairs of axes, (n, 3): the axis if both are equal, else the diagonal between them."""
+    """Unit vectors for pairs of axes, (n, 3): the axis if a pair names one axis twice, else the diagonal."""
     each = np.array([np.eye(3)[i] + np.eye(3)[j] for i, j in pairs])
     return np.asarray(each / np.linalg.norm(each, axis=1, keepdims=True))
 

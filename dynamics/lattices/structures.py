@@ -19,25 +19,26 @@ Structure = Callable[[Floats], Floats]
 surrounding tissue. Points and distances are relative to the side of the cube."""
 
 THICK, WALL = 0.12, 0.08
-"""Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
+"""Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side of the cube.
 
 A lattice of ten cells per side does not resolve the walls: over six foams, 4.8 % of the springs cross a surface, and
 walls fill 55.9 % of the mesh in place of 53.4 %."""
 
 LAYERS, WAVE = 3, 0.04
-"""Number of layers, and amplitude of their waves, relative to the side."""
+"""Number of layers, and amplitude of their waves, relative to the side of the cube."""
 
 CELLS = 3
 """Number of foam cells along a side; the number of lobules along a side is one less."""
 
 RADIUS = 0.16
-"""Radius of lobules, relative to the side."""
+"""Radius of lobules, relative to the side of the cube."""
 
 FIBRES = 4
 """Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of centres, relative to the side. For fibres, the shift and the waves are half as large."""
+"""Largest random shift of the centres of foam cells and lobules, relative to the side of the cube. For fibres, the
+largest shift and the amplitude of the waves are half as large."""
 
 
 def plain(rng: np.random.Generator) -> Structure:

@@ -20,14 +20,14 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""If the cells of a part together have at most this number of nodes, the part is not halved [1]; numerical: with half
-or twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
+"""A part of the mesh is not halved if the sum of its cells' node counts is at most this [1]; numerical: with half or
+twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Factors of a part: Cholesky factor of the eliminated rows `own`, (m, m), and coupling to `others`, (m, k)."""
+    """Factors of a part of the mesh: Cholesky factor of rows `own`, (m, m), and coupling to rows `others`, (m, k)."""
 
     own: Ints
     others: Ints
@@ -78,9 +78,10 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Contribution of a part to the next larger part: Schur complement of k nodes, lower half, (k dim, k dim).
+    """Contribution of a part of the mesh to the next larger part.
 
     nodes: the nodes that are not yet eliminated, (k,); counts: number of the part's cells at each of these nodes, (k,)
+    schur: lower half of the Schur complement of these nodes, (k dim, k dim)
     """
 
     nodes: Ints

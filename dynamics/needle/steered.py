@@ -1,7 +1,7 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
 `dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance. Here the
-motion is given piece by piece, and a whole insertion takes milliseconds. Tests compare the results of both.
+motion is given piece by piece, and a whole insertion takes milliseconds.
 
 A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because these forces change
 steeply at small sliding speeds. The modes omit a part of the points' displacement. This part follows the forces without

@@ -22,7 +22,8 @@ class Continuum:
     """A solid that rests as drawn: its vibration modes, and its matrices condensed to the free nodes of the network.
 
     A modal coordinate is the root mean square displacement of the body, weighted by mass. The mass of each mode is
-    therefore the mass of the whole body. If the wall is driven, six rigid motions of the wall precede the modes.
+    therefore the mass of the whole body. If a driven wall holds the body, the first six modes are the rigid motions of
+    this wall.
 
     Attributes
     ----------
@@ -87,13 +88,13 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Static displacement of the points by a unit acceleration of the body along each axis [s²], (n, dim)."""
+        """Static displacement of the points per acceleration of the body along each axis [s²], (n_free dim, dim)."""
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [m/N], (n, n): the part of the points' compliance that the modes omit [macneal1971]."""
+        """The part of the points' compliance that the modes omit [m/N], (n_free dim, n_free dim) [macneal1971]."""
         by_modes = (self.shapes / (self.masses * (self.rates + FREE**2))) @ self.shapes.T
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 

@@ -11,7 +11,7 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""Least scatter of nodes along a dimension of the straightened body, relative to the largest scatter [1]; choice."""
+"""Dimensions along which the nodes scatter less than this, relative to the largest scatter, are omitted [1]; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:

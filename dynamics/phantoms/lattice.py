@@ -63,8 +63,8 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
     By [vangelder1998], a spring of length l has the stiffness E V / l², with V the volume of the simplices around it.
-    The common stiffness gives the same sum of stiffness times l². Under uniform stretch, the lattice is as stiff as a
-    body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
+    The sum of stiffness times l² over all springs is the same with the returned stiffness as with this formula. Under
+    uniform stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())

@@ -25,7 +25,7 @@ DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Number of masses divided by the squared number of masses in a row, with which the phantom is as high as wide."""
+"""Number of masses divided by the squared number of masses in a row: the phantom is then as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:

@@ -75,7 +75,7 @@ class Baseline(ABC):
             yield [estimate]
 
     def predict(self, time_s: float) -> None:
-        """Predict the state at an exposure time [s]; raises ValueError if it is before the last time, or not finite."""
+        """Predict the state at an exposure time [s]; ValueError if this time is before the last time, or not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.time_s is None:

@@ -21,7 +21,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Number of particles: more than the 2^6 = 64 histories of two modes over six intervals."""
+"""Number of particles: more than the 2^6 = 64 histories of two modes over six frames at 30 Hz."""
 
 BRANCH_S = 1.0 / 30.0
 """Interval after which each particle is replaced by its successors [s]; choice."""

@@ -98,10 +98,10 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """Contribution of calibration errors to the covariance of a mark's prediction error [m²], (dim, dim).
+    """Covariance of a mark's prediction error that calibration errors add to the filter's covariance [m²], (dim, dim).
 
     The calibration errors affect the filter's prediction with the sensitivity C, and the mark with the sensitivity F.
-    The contribution is therefore (C + F)(C + F)' - C C'.
+    The filter's covariance contains C C'. The errors therefore add (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

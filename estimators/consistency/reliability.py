@@ -12,7 +12,7 @@ from scipy.stats import beta
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """Predictions with probabilities from low to high, such as 0.3 to 0.4, and the observed number of hits.
+    """Predictions with probabilities from `low` to `high`, such as 0.3 to 0.4, and the observed number of hits.
 
     n: number of predictions; mean: mean predicted probability, None if n is 0; hits: number of observed hits
     least, most: confidence interval of the true hit rate, by Clopper and Pearson [clopper1934]

@@ -45,7 +45,7 @@ class BalanceSettings:
 
     mean_s: time over which the force is averaged [s]; choice: in half this time, short forces do not average out; twice
         this time delays the report of a fault that single frames do not show
-    least_share: share of mean_s that the frames must span; share of frames that must show a tested node [1]; choice
+    least_share: least share of mean_s that the frames span; also least share of frames that show a node [1]; choice
     often: expected share of the time in which a short force acts on a node [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -132,7 +132,7 @@ class StaticBalance:
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
     def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
-        """The balance of these nodes, from frames in which all of them were visible."""
+        """The balance of these nodes, from frames in which all these nodes were visible."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
         poke = np.repeat(of.poke * network.masses[at], dim)

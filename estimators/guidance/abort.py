@@ -16,10 +16,10 @@ class AbortWatch:
 
     If the needle entered at most `AdviceSettings.abort_s` after a GO, ABORT replaces NO_GUIDANCE. It also replaces WAIT
     and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`. If the needle entered
-    without such a GO, ABORT replaces any advice. Once GO has lasted for `AdviceSettings.abort_s`, ABORT ends.
+    without such a GO, ABORT replaces any advice. ABORT ends once the replaced advice has been GO for `abort_s`.
 
-    If the needle was inside at the first call, ABORT replaces only NO_GUIDANCE, until a first GO. Any other advice that
-    lasts for `AdviceSettings.abort_s` ends this ABORT. The advice for a needle outside the tissue is not changed.
+    If the needle was inside at the first call, ABORT replaces only NO_GUIDANCE, until a first GO. This ABORT ends once
+    the replaced advice has differed from NO_GUIDANCE for `abort_s`. Outside the tissue, the advice is not changed.
 
     State: whether the needle is inside, how it entered, time of the last GO, start of the advice that may end ABORT.
     """

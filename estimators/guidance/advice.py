@@ -247,10 +247,10 @@ def advise(
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
 ) -> Guidance:
-    """Advice from the predicted path of a healthy estimate.
+    """Advice from a predicted path. The estimate behind the path must pass the test of `health_fault`.
 
     now_s: time of the advice [s]; default: first time of the path. Raises ValueError if dimensions differ, or if the
-    path does not cover the time from now to the last start.
+    path does not cover the time from now to the latest start of an insertion.
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

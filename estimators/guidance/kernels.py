@@ -21,11 +21,11 @@ NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Distance from the mean, in standard deviations, beyond which a Gaussian is neglected. This omits 8e-11 of it."""
+"""Distance from the mean, in standard deviations, beyond which a Gaussian is neglected: a probability of 8e-11."""
 
 
 STEEP, PARTS = 60.0, 15
-"""If the integrand changes by more than STEEP standard deviations, the interval is split into up to PARTS + 1 parts."""
+"""An interval of more than STEEP standard deviations is split into up to PARTS + 1 parts."""
 
 
 @njit(cache=True, nogil=True)
@@ -49,9 +49,9 @@ def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """Probability that |a| <= sqrt(radius² - y²) + extra and |y| <= edge.
+    """Probability that |b| <= sqrt(radius² - y²) + extra and |y| <= edge.
 
-    y is normal with mean m and sd s. For given y, a is normal with mean a + slope (y - m) and sd tau.
+    y is normal with mean m and sd s. For given y, b is normal with mean a + slope (y - m) and sd tau.
     """
     low, high = max(-edge, m - WIDE * s), min(edge, m + WIDE * s)
     if s <= 0.0:
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is as deep as the target: along the axis or, if `aimed`, to the target."""
+    """Depth of the tip at which the notch is as deep as the target; if `aimed`, the needle points at the target."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])

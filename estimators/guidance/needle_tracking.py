@@ -21,9 +21,9 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: density of the acceleration noise along the line [m/s²/sqrt(Hz)]; choice: after one second, the
+    acceleration: density of the acceleration noise along the needle [m/s²/sqrt(Hz)]; choice: after one second, the
         standard deviation of the speed has grown by 10 mm/s
-    bending: density of the velocity noise across the line [m/sqrt(s)]; choice
+    bending: density of the velocity noise across the needle [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
 

@@ -23,7 +23,7 @@ from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 
 CYCLE_S = 1.0 / 30.0
-"""Step between two times of the tables [s]; choice."""
+"""Step between two times of the tables for fast predictions [s]; choice."""
 
 TURNED = 0.35
 """Largest angle between a spring and its direction at rest for which the tables are valid [rad]; measured:
@@ -33,7 +33,7 @@ LEAST_PART = 1e-6
 """Probability below which a part of the mixture is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Displacement of the target from rest for which the tables are long enough [m]; choice."""
+"""The tables last until the needle reaches a target that lies at most this far beyond its rest position [m]; choice."""
 
 MOST_S = 30.0
 """Longest time that the tables cover, even for a slow needle [s]; choice."""
@@ -99,7 +99,7 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), if its offset from the nodes were exact."""
+    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), without its offset's estimated error."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
@@ -132,12 +132,12 @@ def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, set
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time until the part of the needle that has to hit is distance_m [m] beyond the entry [s]; 0 if it is deeper."""
+    """Time [s] until the part of the needle that has to hit is distance_m [m] deep; 0 if this part is deeper."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables for predictions over the next ahead_s [s], for any later estimate of the filter near rest."""
+    """Tables for predictions over ahead_s [s] from now or from any later time, while the body is near rest."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 

@@ -21,7 +21,7 @@ class AdviceSettings:
     coasting_s: longest time without any mark for which an estimate may be used [s]; choice
     needle_s: longest age of the needle's last tracked pose that may be used [s]; choice: ten poses at 10 Hz
     overshot_m: if the tip is further than this beyond its planned depth, advice is to retract it [m]; choice
-    abort: a needle that entered after a GO has to stop if its hit probability is below abort times go; choice
+    abort: a needle that entered after a GO has to stop if its hit probability is below `abort` times `go`; choice
     abort_s: longest time from a GO to the needle's entry, and shortest duration of a GO that ends ABORT [s]; choice
     """
 

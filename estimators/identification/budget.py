@@ -31,7 +31,7 @@ class OutOfTimeError(Exception):
 class Progress:
     """Completed share of a search: number of processed frames, divided by the expected number.
 
-    A frame in this process is added when it is processed. Frames in another process are added when their pass returns.
+    In this process, frames are counted one by one. In another process, they are counted when a filter pass returns.
 
     State: `seen`, number of processed frames; `returned`, number of frames of the passes that have returned.
     """
@@ -41,12 +41,12 @@ class Progress:
         self.seen = self.returned = 0.0
 
     def frame(self) -> None:
-        """Add one frame to the processed frames."""
+        """Count one processed frame."""
         self.seen += 1.0
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Add the frames of passes that have returned, without the frames that `frame` has already added."""
+        """Count the frames of filter passes that have returned. Frames that `frame` counted are not counted twice."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)

@@ -19,12 +19,12 @@ MAX_VARIANCE_LEFT = 0.5
 ratio, the recording contains less information on the combination than the prior does."""
 
 LEAST_PART = 0.05
-"""Squared projection of a constant's axis on the determined combinations, below which the constant keeps its value;
-choice: if only the sum of twenty equal constants is determined, the projection is 0.05 for each constant."""
+"""A constant keeps its given value if the squared projection of its unit vector on the determined combinations of
+constants is below this [1]; choice: if only the sum of twenty constants is determined, each projection is 0.05."""
 
 ALIKE = 0.1
-"""Difference of two log posteriors per innovation, below which both results are equally good; choice: innovations that
-are a fifth larger or smaller than stated cause this difference."""
+"""Two results of a search are equally good if their log posteriors differ by less than this per innovation; choice: a
+change of the mean square of the normalised innovations by a fifth causes this difference."""
 
 
 def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:

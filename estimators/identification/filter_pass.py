@@ -34,12 +34,12 @@ gains of the filter equal the gains for exact constants."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """Log likelihood of a recording's hidden marks, and its derivatives by the constants along n directions.
+    """Log likelihood of the marks that the filter did not use, and its derivatives by the constants along n directions.
 
     The log likelihood is composite: it is a sum over frames, although frames are not independent.
 
     scores: gradient of the log likelihood along each direction, for each frame, (n_frames, n)
-    information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
+    information: Fisher information, (n, n); log_likelihood: log likelihood of all these marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: degrees of freedom of nis, (n_frames,)
     effect: sum over the frames of T' T [m²], (n, n); T: derivative of the target's error along each direction
     target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark

@@ -21,8 +21,8 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Largest number of groups of springs without names. A recording of half a minute determines about twenty combinations
-of constants, and each group adds a state to the filter."""
+"""Largest number of groups of one kind of constant, unless the springs have group names. A recording of half a minute
+determines about twenty combinations of constants, and each group adds a state to the filter."""
 
 LEAST_REST = 0.1
 """Least factor by which a rest length is multiplied to keep the spring's tension at a lower stiffness."""
@@ -51,8 +51,8 @@ def constant_groups(
     """Groups of the positive constants of these kinds. All constants of a group are estimated with one factor.
 
     spring_groups: name of each spring's group, (n_springs,); a spring with an empty name is a group of its own
-    Without names, up to `MOST_SINGLE` springs are a group each. More springs form groups of equal stiffness. If these
-    groups are more than `MOST_SINGLE`, all springs are one group. Nodes form groups of equal constants by this rule.
+    Without names, up to `MOST_SINGLE` springs are a group each. More springs form groups of equal stiffness. If that
+    gives more than `MOST_SINGLE` groups, all springs are one group. Nodes are grouped in the same three steps.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -79,7 +79,7 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: relative error of the drawn shape [1], upper limit of the result for a group of several rest lengths
+    strain: relative error of the drawn shape [1]; the result for several rest lengths in one group is at most this
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)

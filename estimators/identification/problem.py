@@ -25,7 +25,7 @@ PASSES_A_SEARCH = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Estimation problem of a recording. The unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
+    """Estimation problem of a recording; theta, (n,): logs of the factors on the groups of constants, divided by sd.
 
     sd: prior standard deviation of each log, (n,); nodes: the marked nodes, and the target
     """

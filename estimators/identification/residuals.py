@@ -19,7 +19,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
-    """Test of the innovations of the hidden marks, with the estimated constants.
+    """Test of the innovations of the marks that the filter did not use, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
     inflation: largest ratio, over all directions, of the standard error to its value for independent frames [1]
@@ -71,8 +71,8 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     """Covariance of constants after the prior limits it, (n, n), and number of limited directions.
 
     theta, cov: estimated constants, (n,), and their covariance, (n, n), in prior standard deviations
-    Without data, the mean square error of theta is B = 1 + theta theta', the prior variance plus the squared distance
-    from the prior mean. In each direction, the result is the smaller of cov and B.
+    If the true constants are distributed as in the prior, the mean square of their difference from theta is
+    B = 1 + theta theta'. In each direction, the result is the smaller of cov and B.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)

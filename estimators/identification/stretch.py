@@ -61,7 +61,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """Frames for which the time left allows n_passes passes: all frames or, if it is too short, the `liveliest`.
+    """Frames for which the remaining time allows n_passes passes: all frames if possible, else the `liveliest`.
 
     frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
     Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.
