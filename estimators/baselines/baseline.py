@@ -20,8 +20,8 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    The initial mean is the state at rest. The initial covariance is due to short forces (pokes) on the marked nodes
-    during `settings.lost_s`. Before the first marks, the state does not change. No mark is rejected.
+    The initial mean is the state at rest. The initial covariance is the one that short forces (pokes) on the marked
+    nodes cause within `settings.lost_s`. The state is constant until the first mark. No mark is rejected.
 
     State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last used mark [s].
     """
@@ -49,11 +49,11 @@ class Baseline(ABC):
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update with a measurement z = x[rows] + noise, (m,); R: noise covariance, (m, m). Returns the NIS or None."""
+        """Update with `z = x[rows] + noise`, (m,); R: noise covariance, (m, m). Returns the NIS if it is computed."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of the first n states, which include the free coordinates."""
+        """Mean (n,) and covariance (n, n) of the first n entries of the state, at least of all free coordinates."""
 
     def _poked(self) -> float | None:
         """Probability that a short force acts; None for a method that does not estimate this probability."""

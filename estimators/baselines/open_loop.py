@@ -1,4 +1,4 @@
-"""The paper's open loop: marked masses follow their marks, hidden masses follow their equations of motion."""
+"""The open loop of [paper]: marked masses follow their marks, hidden masses follow their equations of motion."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Longest simulated time between two frames [s]; after this time the filter resets its state."""
+"""Longest simulated time between two frames [s]; after a gap of this duration, `TissueFilter` resets its state."""
 
 
 class OpenLoop:
-    """The paper's method: open-loop simulation of the target, driven by the marks.
+    """Open-loop simulation of the target, driven by the marks. Source: [paper], section III and Fig. 5.
 
-    Source: [paper], section III and Fig. 5. Between two frames a marked mass moves at constant velocity from its old
-    position to its new one; the paper does not define this motion. A marked mass without a visible mark is integrated
-    like the hidden masses, as in the paper ("additional second-order integration ... in case of losing of data"). The
+    Between two frames, a marked mass moves at constant velocity from its old position to its new position; [paper] does
+    not define this motion. If a mark is not visible, its mass is integrated like the hidden masses, as in [paper]. The
     integrator is the classical Runge-Kutta method.
 
     State: positions [m] and velocities [m/s] of all nodes, (n_nodes, dim) each, at time_s [s].

@@ -21,19 +21,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Number of particles: more than the 2^6 = 64 histories of two modes over six frames at 30 Hz."""
+"""Number of particles, enough for all `2^6 = 64` histories of the two modes over six frames at 30 Hz."""
 
 BRANCH_S = 1.0 / 30.0
 """Interval after which each particle is replaced by its successors [s]; choice."""
 
 
 class ParticleFilter(Baseline):
-    """Rao-Blackwellised particle filter [doucet2000]. A particle is a history of whether a short force acts.
+    """Rao-Blackwellised particle filter [doucet2000]. A particle is a history of modes.
 
-    For a given history, the state is nearly Gaussian. Each particle therefore has an unscented filter of the state.
-    Each particle has two weighted successors, one with a short force (mode 1) and one without (mode 0). At most
-    n_particles successors are kept, without bias or duplicates [fearnhead2003]. `Disturbances` gives the mean durations
-    of the modes.
+    A short force acts in mode 1 and does not act in mode 0. For a given history, the state is nearly Gaussian. Each
+    particle therefore has an unscented filter of the state. Each particle has two weighted successors, one for each
+    mode. Before that, `resample` keeps at most n_particles particles [fearnhead2003]. `Disturbances` gives the
+    mean durations of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -75,7 +75,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Keep at most `n_particles` particles; replace each particle by one successor for each mode, dt [s] later."""
+        """Keep at most `n_particles` particles. Then replace each particle by its successors after dt [s]."""
         self._thin()
         odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
@@ -115,10 +115,10 @@ class ParticleFilter(Baseline):
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
-    """Indices of at most n weights to keep, and their new weights. The selection is unbiased with the least variance.
+    """Indices of at most n weights to keep, and their new weights, which are unbiased and have the least variance.
 
-    A weight above a threshold c stays unchanged. A weight w below c is set to c with probability w / c, else omitted.
-    Source: [fearnhead2003].
+    A weight above a threshold c stays unchanged. A weight w below c becomes c with probability `w / c`; otherwise the
+    weight is omitted. Source: [fearnhead2003].
     """
     alive = np.flatnonzero(weights > 0.0)
     if len(alive) <= n:

@@ -32,7 +32,7 @@ class TrackingProblem:
     """Inputs of every method for comparison.
 
     target: name of a node, or a point relative to nodes; marked: nodes whose marks are measured
-    uncertainty: uncertainty of the constants; n_calibration: number of the camera's calibration errors
+    uncertainty: uncertainty of the constants; n_calibration: number of columns of `MarkMeasurement.shared`
     seed: seed for methods that draw random numbers; fixes: direct measurements of the target, only for the smoother
     """
 

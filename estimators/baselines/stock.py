@@ -10,7 +10,7 @@ from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
 
 ALPHA, BETA = 0.1, 2.0
-"""Parameters of the sigma points, with kappa = 3 - n, as filterpy's documentation [labbe2015] recommends."""
+"""Parameters of the sigma points. With `kappa = 3 - dim_x`, filterpy's documentation [labbe2015] recommends them."""
 
 
 class StockUnscented(Baseline):

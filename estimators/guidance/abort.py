@@ -14,14 +14,15 @@ from estimators.guidance.settings import AdviceSettings
 class AbortWatch:
     """State machine that replaces advice by ABORT if a needle inside the tissue has to stop.
 
-    If the needle entered at most `AdviceSettings.abort_s` after a GO, ABORT replaces NO_GUIDANCE. It also replaces WAIT
-    and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`. If the needle entered
-    without such a GO, ABORT replaces any advice. ABORT ends once the replaced advice has been GO for `abort_s`.
+    Outside the tissue, the advice is not changed. Inside the tissue, there are three cases:
+    (1) The needle entered at most `AdviceSettings.abort_s` after a GO. ABORT replaces NO_GUIDANCE. ABORT also replaces
+        WAIT and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
+    (2) The needle entered without a GO, or later than `abort_s` after it. ABORT replaces any advice.
+    (3) The needle was inside at the first call. ABORT replaces NO_GUIDANCE. After a GO, case 1 applies.
+    In cases 1 and 2, ABORT ends once the replaced advice has been GO for `abort_s`. In case 3, ABORT ends once the
+    replaced advice has differed from NO_GUIDANCE for `abort_s`.
 
-    If the needle was inside at the first call, ABORT replaces only NO_GUIDANCE, until a first GO. This ABORT ends once
-    the replaced advice has differed from NO_GUIDANCE for `abort_s`. Outside the tissue, the advice is not changed.
-
-    State: whether the needle is inside, how it entered, time of the last GO, start of the advice that may end ABORT.
+    State: whether the needle is inside, the case, the time of the last GO, the start of the advice that may end ABORT.
     """
 
     def __init__(self) -> None:

@@ -61,12 +61,13 @@ class Outlook:
 class Guidance:
     """Advice at one time, and the numbers from which it follows.
 
-    If the estimate is not healthy, or if a needle inserted now never arrives, all numbers are None.
+    If the estimate is not healthy, all fields except `advice` and `reason` are None. If a needle that is inserted now
+    does not arrive before the predicted path ends, only `advice`, `reason` and `outlook` are not None.
 
     advice, reason: the advice, and its reason in words
     arrival_s: for an insertion now, time at which the part of the needle that has to hit reaches the target [s]
     probability: hit probability of an insertion now along the present direction
-    aim: predicted position of the target at arrival_s, which is the best position of the notch's middle [m], (dim,)
+    aim: predicted position of the target at arrival_s [m], (dim,)
     cov: covariance of the target at arrival_s [m²], (dim, dim)
     lateral_m: distance of the aim from the needle's line [m]
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
@@ -98,9 +99,10 @@ class Prospect:
     """Input of the rules of advice: predicted results of insertions now, later, and after a turn.
 
     probability: hit probability of an insertion now along the present direction; 0 if the needle never arrives
-    arrives: whether the needle arrives before the predicted path ends; reach_s: duration of this path [s]
+    reach_s: duration of the target's predicted path [s]; arrives: whether a needle inserted now arrives within reach_s
     best_in_s, best_probability: time from now until the best start [s], and hit probability of an insertion then
-    turn_rad: angle of a turn towards the predicted target [rad]; turned_probability: hit probability after this turn
+    turn_rad: angle by which the needle has to turn about its entry to point at the predicted target [rad]
+    turned_probability: hit probability of an insertion now, after a turn by turn_rad
     depth_m: distance by which the tip has to advance or, if negative, to retract [m]
     behind: whether the target lies behind the entry, so that the needle cannot reach it along the present direction
     target_sd_m: largest standard deviation of the target in any direction at arrival [m]
@@ -122,7 +124,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule of advice: the advice, the condition for it, and its reason in words."""
+    """A rule: if the condition `holds` is true, the rule gives the advice, and the reason for this advice in words."""
 
     advice: Advice
     holds: Callable[[Prospect, AdviceSettings], bool]
@@ -199,7 +201,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times of the path for advice [s], (k,), up to the last possible arrival at the target's present place."""
+    """Times at which `guide` needs the predicted path [s], (k,): from now_s until the latest insertion can arrive."""
     until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
@@ -247,7 +249,7 @@ def advise(
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
 ) -> Guidance:
-    """Advice from a predicted path. The estimate behind the path must pass the test of `health_fault`.
+    """Advice from a predicted path. The caller has to check with `health_fault` that the filter's estimate may be used.
 
     now_s: time of the advice [s]; default: first time of the path. Raises ValueError if dimensions differ, or if the
     path does not cover the time from now to the latest start of an insertion.

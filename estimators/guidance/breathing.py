@@ -1,14 +1,14 @@
 """Model of a breathing target: fits period and phase to a filter's estimates, and predicts the target's path.
 
 The past estimates are called the track. For each period of a grid, a constant and some harmonics are fitted to the
-track by least squares with exponential forgetting. Each period is weighted by its likelihood, exp(-misfit / 2). The
-prediction is the mixture over all periods. Errors of neighbouring frames are correlated. The misfit is therefore scaled
-to the number of independent errors.
+track by least squares with exponential forgetting. Each period is weighted by its likelihood, `exp(-misfit / 2)`. The
+prediction is the mixture over all periods. Errors of neighbouring frames are correlated. The misfit is therefore
+multiplied by the number of independent errors per frame.
 
-After a shift, a breath hold or a cough, the model may no longer hold. Therefore each estimate is compared with the
-model's prediction before it is added to the track. In the alternative hypothesis, the target's distance from the
-prediction is a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model holds.
-If this probability is small, a new track begins [adams2007].
+After a shift, a cough or a pause of breathing, the model may be wrong. Therefore each estimate is compared with the
+model's prediction before it is added to the track. The alternative to the model is that the target's distance from the
+prediction is a random walk. Bayes' rule, with a constant hazard of change, gives the probability that the model is
+right. If this probability is small, a new track begins [adams2007].
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information matrix, so that one frame is enough for a fit; numerical: at most 0.001 of the
-information of one frame. Half or twice this value changes no result of guidance by 0.2 %."""
+"""Number added to the diagonal of the information matrix, so that one frame is enough for a fit; numerical: at most
+0.001 of the information of one frame. Half or twice this value changes all results of guidance by less than 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
     """Settings of the breathing model.
 
-    shortest_s, longest_s: shortest and longest period of the grid [s]: 21 and 9 breaths per minute; choice
+    shortest_s, longest_s: shortest and longest period of the grid [s], for 21 and 9 breaths per minute; choice
     n_periods: number of periods in the grid, evenly spaced in frequency; choice
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
-    alike_s: correlation time of the filter's errors: two errors with a longer interval are independent [s]; choice
+    alike_s: time after which a new error of the filter is independent of an old error [s]; choice
     cycles: number of periods that the past estimates must cover before a breath is reported; choice
     explained: share of the estimates' variance that a fit must explain before a breath is reported; choice
-    lasting_s: mean time until a target departs from the model [s]; choice
-    forgotten: probability that the model holds, below which all past estimates are discarded; choice
+    lasting_s: mean time until a target no longer moves as the model predicts [s]; choice
+    forgotten: if the probability that the model holds is below this, all past estimates are discarded; choice
     """
 
     shortest_s: float = 2.8
@@ -67,8 +67,9 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """Breath fitted to past estimates: mean and standard deviation of the period [s].
+    """Breath fitted to past estimates.
 
+    period_s, period_sd_s: mean and standard deviation of the period [s]
     scatter_m: standard deviation of the target about the fit [m]; weights: probability of each period, (n_periods,)
     explained: share of the estimates' variance that the fit explains
     """
@@ -170,8 +171,8 @@ class Breathing:
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
         """Update the probability that the model holds, and the target's departure from the model.
 
-        A Kalman filter tracks the departure as a random walk. In each period, the variance of this random walk grows by
-        the variance of the past estimates. All estimates within `alike_s` have the weight of one independent estimate.
+        A Kalman filter tracks the departure, which is a random walk. Within one period, the process noise adds the
+        variance of the past estimates. All estimates within `alike_s` together count as one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -197,7 +198,7 @@ class Breathing:
         return np.concatenate([np.ones((*angle.shape, 1)), np.cos(turns), np.sin(turns)], axis=-1)
 
     def _fitted(self) -> tuple[Floats, Floats, Breath]:
-        """Coefficients (n_periods, n, dim) [m], their covariances [m²], (n_periods, n, n), and the breath."""
+        """Coefficients at all periods [m], (n_periods, n, dim), covariances [m²], (n_periods, n, n), and the breath."""
         if self._fit is None:
             n = self._information.shape[1]
             inverse = np.linalg.inv(self._information + RIDGE * np.eye(n))
@@ -221,5 +222,5 @@ class Breathing:
 
 
 def _log_density(off: Floats, cov: Floats) -> float:
-    """Log likelihood of a zero-mean Gaussian, up to a constant."""
+    """Log density at `off` of a Gaussian with mean 0, up to a constant."""
     return -0.5 * float(off @ np.linalg.solve(cov, off) + np.linalg.slogdet(cov)[1])

@@ -23,9 +23,9 @@ class ContradictionSettings:
     away_s: if a mark was not used for longer than this time, it is tested when it is used again [s]; choice
     improbable: p-value below which innovations contradict the model [1]; choice
     unbalanced: p-value below which a persistent force contradicts the model, see `Balance.probability` [1]; choice
-    together: likelihood ratio of one wrong mark to a common shift of all marks, below which the shift is reported [1];
-        0: no shift is reported. Measured: the ratio is at least 1e-4 while a short force moves a node with 15 m/s². It
-        is at most 1e-7 after a shift by 8 mm of marks that are accurate to 1 mm
+    together: a common shift of all marks is reported if the likelihood of one wrong mark, divided by the likelihood of
+        the shift, is below this [1]; 0: no shift is reported. Measured: while a short force moves a node with 15 m/s²,
+        the quotient is at least 1e-4. If all marks, accurate to 1 mm, shift by 8 mm, the quotient is at most 1e-7
     """
 
     away_s: float = 0.2
@@ -38,9 +38,9 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Detector of a contradiction between marks and model, from all estimates since the last `forget`.
+    """Detector of a contradiction between marks and model. A contradiction persists until `forget` is called.
 
-    State: reason, the contradiction in words, None if there is none; time of the last use of each mark [s].
+    State: reason, which is the contradiction in words or None; time of the last use of each mark [s].
     """
 
     def __init__(self, settings: ContradictionSettings = CONTRADICTION) -> None:
@@ -54,15 +54,15 @@ class Contradiction:
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Update with the estimate of a frame; balance: static balance of the marks of this frame, if computed."""
+        """Update with the estimate of a frame; balance: static balance of this frame's marks, None to omit its test."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
 
     def _together(self, estimate: TargetEstimate) -> str | None:
-        """The reason if a common shift of all marks explains the innovations and an error of one mark does not.
+        """The reason, in words, if a common shift of all marks explains the innovations, but one wrong mark does not.
 
-        During initialisation the result is None, because the tissue's velocity is then unknown.
+        Otherwise None. During initialisation also None, because the tissue's velocity is then unknown.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

@@ -3,8 +3,8 @@
 Target and tip are Gaussian and independent. The position of the tip relative to the target is therefore Gaussian, and
 its covariance is the sum of the covariances of target and tip. A linear map turns the lesion into the unit ball. The
 squared distance of a point from the centre of this ball is a generalised chi-square variable [imhof1961].
-`estimators.guidance.kernels` computes the hit probability of a point of the needle or of a length of the notch. It uses
-error functions along the needle and Gauss-Legendre sums across the needle.
+`estimators.guidance.kernels` computes the probability that a point of the needle, or enough of the notch, lies in this
+ball. The integral along the needle is a difference of error functions. The integral across it is a Gauss-Legendre sum.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """Best position [m], (dim,), of the tip or notch, whichever has to hit, and hit probability at this position."""
+    """Best position of the tip (for `Hit.TIP`) or of the notch's middle [m], (dim,), and hit probability there."""
 
     point: Floats
     probability: float
@@ -39,7 +39,7 @@ def hit_probability(
 
     target: mixture from `TissueFilter.predict_modes`. A single Gaussian would make the result too low for needles that
         are aimed at the target, and too high for needles that are aimed far from it.
-    axis: direction of the needle [1], (dim,), of any length; the notch's middle lies `needle.reach_m` behind the tip
+    axis: direction of the needle [1], (dim,), of any length; the notch lies behind the tip in this direction
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
     needle = Needle() if needle is None else needle

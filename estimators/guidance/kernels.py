@@ -1,9 +1,9 @@
 """Compiled integrals of a Gaussian over a lesion, and insertions towards a predicted path of the target.
 
-A linear map turns the lesion into the unit ball. A notch of length l has its middle at the coordinate a along the
-needle and at the coordinates y across it. A length of at least L of this notch lies in the ball if |y|² <= 1 - L²/4 and
-|a| <= h + l/2 - L with h = sqrt(1 - |y|²). For a point, l = L = 0. The integral over a is a difference of error
-functions. The integral over y is a Gauss-Legendre sum over an angle, because h is a smooth function of this angle.
+A linear map turns the lesion into the unit ball. In the ball, the notch has the length `l`. Its middle has the
+coordinate `a` along the needle and `y` across the needle. At least the length `L` of the notch lies in the ball if
+`|y|² <= 1 - L²/4` and `|a| <= h + l/2 - L` with `h = sqrt(1 - |y|²)`. For a point, `l = L = 0`. The integral over `a`
+is a difference of error functions. The integral over `y` is a Gauss-Legendre sum over an angle, in which `h` is smooth.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 SIZES = (12, 20, 32, 64)
-"""Numbers of Gauss-Legendre nodes: the more an integrand changes over the interval, the more nodes it gets."""
+"""Numbers of Gauss-Legendre nodes. If the integrand changes more over the interval, `_rule` selects more nodes."""
 
 FIRST = np.cumsum((0, *SIZES))
 NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
@@ -49,9 +49,9 @@ def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """Probability that |b| <= sqrt(radius² - y²) + extra and |y| <= edge.
+    """Probability that the normal variables y and b satisfy `|y| <= edge` and `|b| <= sqrt(radius² - y²) + extra`.
 
-    y is normal with mean m and sd s. For given y, b is normal with mean a + slope (y - m) and sd tau.
+    Across the needle, y has mean m and sd s. Along the needle, b given y has mean `a + slope (y - m)` and sd tau.
     """
     low, high = max(-edge, m - WIDE * s), min(edge, m + WIDE * s)
     if s <= 0.0:
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """Integral of `_disc` over a second coordinate across the needle; m, s, slope, (2,): as in `_disc`."""
+    """The probability of `_disc` for two coordinates y across the needle; m, s, slope: an entry for each y, (2,)."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a length of at least `core` of a notch lies in the lesion; `length` 0: the notch is a point.
+    """Probability that at least the length `core` of the notch lies in the lesion. A notch of `length` 0 is a point.
 
     offset (d,), cov (d, d): mean and covariance of the notch's middle relative to the target
     axis (d,): unit vector along the needle; to_ball (d, d): linear map from the lesion to the unit ball
@@ -237,14 +237,14 @@ def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
-    """Probabilities, (k,), that k points lie in a ball; offsets (k, d), covs (k, d, d): relative to its centre."""
+    """Probability that each point lies in a ball, (k,); offsets (k, d), covs (k, d, d): relative to the centre."""
     d = offsets.shape[1]
     return hit_each(offsets, covs, np.zeros(d), np.eye(d) / radius, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
-    """Mean of the path at time t in its interval j, by cubic interpolation with slopes from three points."""
+    """Mean of the path at time t, which lies in interval j; cubic interpolation, slopes from neighbouring points."""
     n, d = means.shape
     step = times[j + 1] - times[j]
     u = (t - times[j]) / step
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is as deep as the target; if `aimed`, the needle points at the target."""
+    """Depth of the tip at which the notch is as deep as the target; aimed: whether the needle turns to the target."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])
@@ -281,7 +281,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
-    """Index of the path's interval, and time, at which the tip first reaches the depth of `_wanted`; else (-1, inf)."""
+    """Index of the path's time interval in which the needle arrives, and time of arrival; (-1, inf) if it does not."""
     times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
@@ -308,13 +308,13 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
-    """Results of insertions that begin at given times, (k,).
+    """Results of insertions that begin at the times `starts`, (k,).
 
     Returns, for each insertion, arrival time (k,), depth of the tip (k,), position of the target at arrival (k, d) and
     hit probability (k,). If a needle does not arrive, its arrival time is inf, and its hit probability is 0.
 
-    path: times (n,), overall means (n, d) of the target, and c parts of the mixture: weights (n, c), means relative to
-        the overall mean (n, c, d), covs (n, c, d, d)
+    path: times (n,) and means (n, d) of the target, then the c parts of its mixture: weights (n, c), means relative to
+        the mean of the mixture (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, present depth, distance from the tip back to the notch's middle
     spread: see `Needle.spread`; aimed: whether the needle is first turned about its entry towards the future target
     """

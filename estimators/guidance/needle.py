@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Lower limit of the cosine between tracked and stated direction in the computation of the depth; choice."""
+"""Lower limit of the cosine by which `Insertion.tracked` divides, which is the cosine of 60 degrees; choice."""
 
 
 class Hit(StrEnum):
@@ -29,10 +29,10 @@ class Needle:
     """A side-notch core needle.
 
     hit: part of the needle that has to lie in the lesion; source: needle.toml
-    notch_offset_m: distance from the tip back to the notch [m]; source: 5 mm, the length behind the tip from which a
-        biopsy gun takes no sample, [skiparea]
+    notch_offset_m: distance from the tip back to the notch [m]; source: a biopsy gun takes no sample from the first
+        5 mm behind its tip, [skiparea]
     notch_length_m: length of the notch [m]; source: 20 mm, for a common biopsy gun, [deflection]
-    core_m: for `Hit.CORE`, least length of the notch in the lesion [m]; source: needle.toml, the pathologist's need
+    core_m: for `Hit.CORE`, length of the notch that the pathologist needs in the lesion [m]; source: needle.toml
     tip_sd_m: standard deviation of the tracked tip on each axis [m]; source: needle.toml, the tracker's accuracy
     bending_sd: standard deviation of the tip across the needle due to bending, divided by the depth [m/m]; source:
         0.9 mm at 45 mm, the mean deflection of a biopsy gun in a phantom, [deflection]
@@ -66,7 +66,7 @@ class Needle:
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """For `Hit.CORE`, length of the notch, and length of it that has to lie in the lesion [m]; else 0 and 0."""
+        """For `Hit.CORE`, notch_length_m and core_m [m]; otherwise 0 and 0, because a point has to hit."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
@@ -114,9 +114,9 @@ class Insertion:
         """The insertion of a needle whose tip and direction a tracker has measured.
 
         tip: measured position of the tip [m], (dim,); axis: measured direction, of any length, (dim,)
-        The skin is the plane through the present entry, perpendicular to the present axis. If the tip is in front of
-        the skin, the depth is 0. If the angle between measured direction and present axis exceeds 60 degrees, the depth
-        is computed as for 60 degrees. Raises ValueError for a direction without length.
+        The skin is the plane through this insertion's entry, perpendicular to its axis. If the tip is in front of the
+        skin, the depth is 0. If the measured direction differs from this insertion's axis by more than 60 degrees, the
+        depth is computed as if the angle were 60 degrees. Raises ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

@@ -1,8 +1,8 @@
 """Constant-speed Kalman filter for a tracked needle: position of the tip, and time of the tip's arrival.
 
-The state is the position p of the tip and its speed s along a line of direction d. The model is dp/dt = s d + bending
-across the line, ds/dt = white noise. Along the line, this is the discretised continuous white noise acceleration model,
-source: [barshalom2001], section 6.3.2. Across the line, the tip follows a random walk, because the needle bends.
+The state is the position `p` of the tip and its speed `s` along a line of direction `d`. The model is `dp/dt = s d`
+plus bending across the line, and `ds/dt` is white noise. Along the line, this is the discretised continuous white noise
+acceleration model of [barshalom2001], section 6.3.2. Across the line, the tip follows a random walk: the needle bends.
 """
 
 from __future__ import annotations

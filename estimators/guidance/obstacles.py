@@ -78,7 +78,7 @@ def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) 
 
 
 def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distance of each point from a segment [m], (n,); points, starts, ends: (n, dim), or (1, dim) for all points."""
+    """Distance of point i from segment i [m], (n,); points, starts, ends: (n, dim), or (1, dim) if equal for all i."""
     along = ends - starts
     square = np.einsum("nd,nd->n", along, along)
     part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)

@@ -1,7 +1,7 @@
-"""Predicted path of the target for advice, from fast tables if the body is near rest, otherwise from the filter.
+"""Predicted path of the target. If the body is near rest, tables give a fast prediction; otherwise the filter predicts.
 
-Usually no short force acts on the tissue before the needle arrives. A single Gaussian would be too wide without a short
-force, and too narrow with a short force. The path is therefore a mixture of three cases: (1) all forces stay constant;
+Usually no short force acts on the tissue before the needle arrives. A single Gaussian would be too wide if no short
+force acts, and too narrow if one acts. The path is therefore a mixture of three cases: (1) all forces stay constant;
 (2) a short force acts, or a slow force becomes stronger; (3) a force drags a node to another place.
 """
 
@@ -33,7 +33,7 @@ LEAST_PART = 1e-6
 """Probability below which a part of the mixture is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""The tables last until the needle reaches a target that lies at most this far beyond its rest position [m]; choice."""
+"""The tables are long enough for a target that lies this much farther from the entry than at rest [m]; choice."""
 
 MOST_S = 30.0
 """Longest time that the tables cover, even for a slow needle [s]; choice."""
@@ -83,7 +83,7 @@ class TargetPath:
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
-        """The path after a shift [m], (dim,) or (k, dim); cov: covariance of the shift [m²], (dim, dim)."""
+        """The path, shifted by `by` [m], (dim,) or (k, dim); cov: covariance of the shift [m²], (dim, dim)."""
         parts = self.mixture
         each = np.expand_dims(by, -2)
         mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
@@ -99,7 +99,7 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), without its offset's estimated error."""
+    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), as if `TargetPoint.offset_m` had no error."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
@@ -125,19 +125,19 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
 
 
 def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
-    """Duration of the path that advice needs [s]: from the oldest usable estimate to the last possible arrival."""
+    """Duration [s] for which advice needs a predicted path: from the oldest usable estimate to the latest arrival."""
     rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time [s] until the part of the needle that has to hit is distance_m [m] deep; 0 if this part is deeper."""
+    """Time [s] until the part of the needle that has to hit reaches the depth distance_m; 0 if this part is deeper."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables for predictions over ahead_s [s] from now or from any later time, while the body is near rest."""
+    """Tables for predictions over the next ahead_s [s], at any time at which the body is near rest."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
@@ -199,10 +199,9 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture from nested cases, each with probabilities (k,), means (k, dim) and covariances (k, dim, dim).
+    """Mixture from nested cases. Each case has probabilities (k,), means (k, dim) and covariances (k, dim, dim).
 
-    The cases are nested: case i contains case i - 1, and the last case has probability 1. Part i of the mixture is case
-    i without case i - 1.
+    Case i includes case i - 1, and the last case has probability 1. Part i of the mixture is case i without case i - 1.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

@@ -1,9 +1,9 @@
 """Planning of needle paths: straight paths, ranked by the probability that the tip ends in the lesion.
 
-The needle displaces the target by u = C F. The rows of C are the target's rows of the inverse stiffness matrix at rest
-[dimaio2003]. F contains the needle's forces on the nodes at arrival: the cutting force at the tip, and the full
-friction along the shaft, distributed over the nodes as in `dynamics.needle.loads`. Each path aims at the displaced
-target. Obstacles are assumed to be at rest.
+The needle displaces the target by `u = C F`. The matrix `C` gives the displacement of the target per unit force on each
+node, from the inverse stiffness matrix at rest [dimaio2003]. The vector `F` contains the needle's forces on the nodes
+at arrival. These are the cutting force at the tip and the full friction along the shaft, distributed over the nodes as
+in `dynamics.needle.loads`. Each path aims at the displaced target. Obstacles are assumed to be at rest.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
 """Number of fixed-point iterations that find the displaced target; numerical: the error for the phantom is 0.3 µm. Half
-or twice as many iterations change no hit probability by 0.1 %."""
+or twice as many iterations change all hit probabilities by less than 0.1 %."""
 
 SAME = 3
 """Number of decimals with which hit probabilities are compared and shown. If two paths have equal probabilities, the
@@ -135,7 +135,7 @@ class Plan:
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """Displacement of the target per unit force on each free coordinate, near rest [m/N], (dim, n_free dim)."""
+    """Displacement of the target near rest, per unit force on each of n free coordinates [m/N], (dim, n)."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -145,7 +145,7 @@ def needle_displacement(
 ) -> Floats:
     """Displacement of the target by each of n needles [m], (n, dim).
 
-    C: `compliance` of the target [m/N], (dim, n_free dim); tips, entries: ends of the needles [m], (n, dim)
+    C: result of `compliance` for the target [m/N]; tips, entries: ends of the needles [m], (n, dim)
     """
     to, from_ = np.asarray(tips, dtype=float), np.asarray(entries, dtype=float)
     along = to - from_
@@ -167,10 +167,10 @@ def candidate_paths(
     entries: Floats,
     n_aims: int = 5,
 ) -> tuple[Floats, Floats]:
-    """Entries and tips of candidate paths [m], (n n_aims, dim) each: n_aims paths from each entry.
+    """Entries and tips of candidate paths [m], `(n * n_aims, dim)` each: n_aims paths from each of n entries.
 
-    entries: [m], (n, dim); n_aims: an odd number. From each entry, one path aims at the centre of the displaced target.
-    The other paths aim at points around this centre, at distances of at most 0.6 radii.
+    entries: points where a needle may enter [m], (n, dim); n_aims: an odd number. From each entry, one path aims at the
+    centre of the displaced target. The other paths aim at points within 0.6 times the lesion's radius of this centre.
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)

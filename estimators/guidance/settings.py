@@ -19,10 +19,10 @@ class AdviceSettings:
     step_s: interval between start times [s]; choice
     stale_s: largest age of an estimate that may be used [s]; choice
     coasting_s: longest time without any mark for which an estimate may be used [s]; choice
-    needle_s: longest age of the needle's last tracked pose that may be used [s]; choice: ten poses at 10 Hz
+    needle_s: largest age of the needle's last tracked pose that may be used [s]; choice: ten poses of a 10 Hz tracker
     overshot_m: if the tip is further than this beyond its planned depth, advice is to retract it [m]; choice
     abort: a needle that entered after a GO has to stop if its hit probability is below `abort` times `go`; choice
-    abort_s: longest time from a GO to the needle's entry, and shortest duration of a GO that ends ABORT [s]; choice
+    abort_s: longest time from a GO to the needle's entry [s]; a GO that lasts as long ends ABORT; choice
     """
 
     go: float = 0.9

@@ -1,8 +1,8 @@
 """Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
 The estimation is a Gauss-Newton search on the innovations of the marks that the filter does not use. The filter treats
-the constants as exact, and computes the sensitivity T of each innovation to errors theta of the constants. An
-innovation is then T theta plus noise with the innovation covariance. Source: [friedland1969].
+the constants as exact. It also computes the sensitivity `T` of each innovation to the constants. If the constants have
+the errors `theta`, an innovation is `T theta` plus noise with the innovation covariance. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Largest change of the log of a constant at a start; choice: a factor of three, or 10 % for rest lengths, which are
-measured in a picture."""
+"""Largest change of the log of a constant from its given value to a start of the search, by kind; choice: a factor of
+three, but 10 % for rest lengths, because they are measured in a picture."""
 
 START_SDS = 4.0
-"""Largest distance of a start from the given constants, in prior standard deviations [1]; choice, for narrow priors."""
+"""Upper limit of `START_SPREAD` in prior standard deviations [1]; choice. The limit matters if the prior is narrow."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """Settings of the identification.
 
-    kept: the retained directions explain at least this share of the target's variance due to the constants; choice
-    n_starts: number of points from which the search starts; the first point is the given constants; choice
+    kept: share of the target's variance due to the constants that the reduced uncertainty has to explain; choice
+    n_starts: number of searches from different starts; the first search starts at the given constants; choice
     """
 
     kept: float = 0.995
@@ -63,7 +63,7 @@ class IdentificationResult:
 
     network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
-    cov: covariance of the logs, (n, n), inflated for correlated innovations and for ambiguity of the search
+    cov: covariance of the logs, (n, n); larger if innovations are correlated or if different results are equally good
     prior_sd: prior standard deviations of the logs, (n,)
     uncertainty: uncertainty of the constants, reduced to the few directions that matter for the target
     passes: number of filter passes; converged: whether the search ended within its tolerance
@@ -73,8 +73,8 @@ class IdentificationResult:
         estimated constants, and with the given constants
     n_starts, n_agreeing: number of starts, and number of starts that led to the estimated constants
     n_frames: number of used frames
-    in_time: False if the time was too short for all frames, starts and passes
-    n_limited: number of directions in which the covariance was limited to the prior covariance
+    in_time: False if the time did not allow all frames and starts, or if the time ended during the search
+    n_limited: number of directions in which the covariance was limited by the prior
     """
 
     network: MassSpringNetwork
@@ -112,10 +112,10 @@ class IdentificationResult:
         return np.asarray(self.change == 0.0)
 
     def identifiable(self) -> tuple[Floats, Floats]:
-        """Ratio of posterior to prior variance along each direction, largest first, (n,); directions as rows, (n, n).
+        """Ratios of posterior to prior variance along n directions, (n,), and these directions as rows, (n, n).
 
-        Directions refer to the logs of the constants, in prior standard deviations. If a ratio is above 0.5, the
-        recording contains less information on the direction than the prior does.
+        A direction is a combination of the logs of the factors, in prior standard deviations. The largest ratio is
+        first. If a ratio is above 0.5, the recording contains less information on the direction than the prior does.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -141,8 +141,8 @@ def identify_constants(
 
     frames: (time [s], marks) in order; marked: nodes whose marks the filter uses, and on which short forces may act
     prior_sd: prior standard deviation of the log of each kind of constant; spring_groups: see `constant_groups`
-    rests_as_drawn: whether the drawn shape was measured at rest; budget: time limit
-    workers: `map`, or the map function of a pool of processes; advance: called with the completed share
+    rests_as_drawn: True if the drawn shape is the measured shape of the tissue at rest; budget: time limit
+    workers: `map`, or the map function of a pool of processes; advance: called with the completed share of the work
     Raises IdentificationError if the target has no mark or is the only marked node, if the time is too short for any
     result, or if the filter fails numerically from all starts.
     """
@@ -181,8 +181,8 @@ def _searched(
 ) -> _Found:
     """Search from several starts with a part of the frames, then from the best result with all frames.
 
-    If the given constants are more probable with all frames, the second search starts from the given constants. Raises
-    OutOfTimeError.
+    If, with all frames, the given constants are more probable than this best result, the second search starts from the
+    given constants. Raises OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -282,7 +282,7 @@ def principal_uncertainty(
     """Reduce an uncertainty to the few directions that explain its effect on the target.
 
     The directions are the principal axes of the uncertainty's contribution to the target's variance, summed over the
-    frames. The smallest axes, which together contribute less than 1 - `IdentificationSettings.kept`, are omitted.
+    frames. The largest axes are kept. Together they contribute at least the share `IdentificationSettings.kept`.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target
@@ -291,7 +291,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """Reduce an uncertainty to those principal axes of `effect`, (n, n), that together explain the share `kept`."""
+    """Reduce an uncertainty to the largest principal axes of `effect`, (n, n), with the share `kept` of its trace."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

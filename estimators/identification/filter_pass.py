@@ -1,8 +1,8 @@
 """One pass of the filter through a recording: predictions of the hidden marks, and their sensitivity to constants.
 
 The filter uses only the marks of the marked nodes. The hidden marks, which are the marks of all other nodes including
-the target, are compared with their predictions. If the filter used all marks, errors of the prior of the forces would
-look like errors of the constants.
+the target, are compared with their predictions. If the filter used all marks, a wrong prior of the forces would cause
+wrong constants.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Relative error of the model, if the settings do not state this error [1]; choice: an error estimated from the marks
-would be too large, because it would also explain wrong constants."""
+"""Discrepancy of the model if `FilterSettings.discrepancy` is None [1]; choice: a discrepancy that is estimated from
+the marks would be too large, because it would also explain wrong constants."""
 
 SMALL = 1e-3
-"""Factor by which the filter's standard deviations of the constants are multiplied [1]; numerical: so small that the
-gains of the filter equal the gains for exact constants."""
+"""Factor by which the standard deviations of the constants are multiplied in the filter [1]; numerical. With so small
+deviations, the filter has practically the gains for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """Log likelihood of the marks that the filter did not use, and its derivatives by the constants along n directions.
+    """Log likelihood of the hidden marks, and its derivatives along n directions in the space of the constants.
 
     The log likelihood is composite: it is a sum over frames, although frames are not independent.
 
-    scores: gradient of the log likelihood along each direction, for each frame, (n_frames, n)
-    information: Fisher information, (n, n); log_likelihood: log likelihood of all these marks
+    scores: derivatives of each frame's log likelihood along the directions, (n_frames, n)
+    information: Fisher information, (n, n); log_likelihood: log likelihood of all frames
     nis: normalised innovation squared of each frame, (n_frames,); dof: degrees of freedom of nis, (n_frames,)
-    effect: sum over the frames of T' T [m²], (n, n); T: derivative of the target's error along each direction
+    effect: sum of `T' T` over the frames [m²], (n, n); column of T: derivative of the target's error by direction
     target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark
     """
 
@@ -75,8 +75,8 @@ def pass_through(
 ) -> Pass:
     """Run the filter through the frames as if the constants were exact.
 
-    nodes: marked nodes, and the target. The derivative of the state's error by a constant is the covariance of state
-    and constant, divided by the constant's variance [friedland1969]. Raises OutOfTimeError.
+    nodes: marked nodes, and the target. Raises OutOfTimeError.
+    For the state x and a constant c, the derivative of the error of x by c is `cov(x, c) / var(c)` [friedland1969].
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

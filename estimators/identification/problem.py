@@ -20,12 +20,12 @@ SCREENED = 100
 the phantom. All frames are then used to improve the best result."""
 
 PASSES_A_SEARCH = 6
-"""Expected number of filter passes of a search, for the progress and for the number of frames that the time allows."""
+"""Expected number of filter passes of a search. The reported progress and the used frames depend on this number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Estimation problem of a recording; theta, (n,): logs of the factors on the groups of constants, divided by sd.
+    """Estimation problem of a recording. The unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
 
     sd: prior standard deviation of each log, (n,); nodes: the marked nodes, and the target
     """
@@ -42,7 +42,7 @@ class Problem:
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Uncertainty of the constants; rows: k independent errors of the logs of the factors, (k, n_groups)."""
+        """Uncertainty of the constants; rows: k independent errors with one entry per group, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
@@ -57,7 +57,7 @@ class Problem:
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """Number of starts, and frames, that the time allows. Raises OutOfTimeError if the time allows no start."""
+        """How many starts, and which frames, the time allows. Raises OutOfTimeError if the time allows no start."""
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)
         n_passes = PASSES_A_SEARCH + 1

@@ -11,10 +11,10 @@ from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
 LEVEL = 0.01
-"""Significance level at which residuals are reported as unexplained; choice."""
+"""Significance level of the test whether sampling error alone explains the residuals; choice."""
 
 ROUNDING = 1e-9
-"""Largest relative excess of a variance over the prior variance that rounding errors cause; numerical."""
+"""Because of rounding errors, a variance may exceed the prior variance by this relative amount; numerical."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class ResidualTest:
     """Test of the innovations of the marks that the filter did not use, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
-    inflation: largest ratio, over all directions, of the standard error to its value for independent frames [1]
-    n, n_effective: number of innovations, and number of independent innovations with equal information
+    inflation: in the worst direction, standard error divided by the standard error for independent frames [1]
+    n: number of innovations; n_effective: number of independent innovations that would contain as much information
     explained: whether sampling error alone explains the size
     """
 
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    The factor is the largest ratio, over all directions, of J + 1 to I + 1, with J the long-run covariance of the
-    scores, I the Fisher information, and 1 the information of the prior. Differs from [pauli2011], which takes the mean
-    ratio: the information along one direction may be due to errors of the model alone.
+    `J` is the long-run covariance of the scores, `I` the Fisher information, and `1` the unit matrix, which is the
+    information of the prior. The factor is the largest eigenvalue of `(I + 1)⁻¹ (J + 1)`. Differs from [pauli2011],
+    which takes the mean eigenvalue: the information along one direction may be due to errors of the model alone.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -52,7 +52,7 @@ def times_counted(found: Pass) -> float:
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """Covariance (n, n) of the constants at the optimum, in prior standard deviations, and the test of the residuals.
 
-    The inverse covariance is I / `times_counted` + 1, with the Fisher information I and the prior information 1.
+    The inverse covariance is the Fisher information, divided by `times_counted`, plus a unit matrix for the prior.
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
@@ -68,11 +68,11 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """Covariance of constants after the prior limits it, (n, n), and number of limited directions.
+    """Limit a covariance by the prior. Returns the limited covariance, (n, n), and the number of limited directions.
 
     theta, cov: estimated constants, (n,), and their covariance, (n, n), in prior standard deviations
-    If the true constants are distributed as in the prior, the mean square of their difference from theta is
-    B = 1 + theta theta'. In each direction, the result is the smaller of cov and B.
+    If the recording contained no information, the constants would differ from theta with the mean square
+    `B = 1 + theta theta'`. Along each common axis of cov and `B`, the result is the smaller of both.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)
@@ -88,7 +88,7 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:
-    """Covariance, (n, n), of the sum of a series, (k, n), whose terms are correlated over up to n_lags steps.
+    """Covariance, (n, n), of the sum of k vectors, (k, n), that are correlated over at most n_lags steps.
 
     Source: [newey1987], equation (5).
     """

@@ -33,16 +33,16 @@ START_SEED = 1
 """Seed of the scrambled Sobol sequence of starts. It is fixed, so that a recording always gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""Function that runs a filter pass with constants theta, (n,), which are in prior standard deviations."""
+"""Function that runs a filter pass with given constants; its argument is theta, (n,), as in `Optimum`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """Result of a search; theta: log of the best factor on each constant, in prior standard deviations, (n,).
+    """Result of a search; theta: log of the best factor of each group, in prior standard deviations, (n,).
 
-    found, at_start: result of the filter pass with theta, and of the pass at the start; passes: number of passes
+    found: filter pass with theta; at_start: filter pass with the starting point; passes: number of passes
     converged: whether the next step is below `CONVERGED`; in_time: False if the time ended during the search
-    times: result of `times_counted` [1], by which the log likelihood is divided
+    times: number by which the log likelihood is divided [1], see `times_counted`
     """
 
     theta: Floats
@@ -59,16 +59,16 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """Log posterior of theta, up to a constant, if the log likelihood is divided by `times` [1]."""
+        """Log posterior of theta, up to a constant, with the log likelihood divided by the given `times` [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
     def precision(self) -> Floats:
-        """Inverse covariance of theta, (n, n): Fisher information divided by `times`, plus the prior information 1."""
+        """Inverse covariance of theta, (n, n): Fisher information divided by `times`, plus the prior's unit matrix."""
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
-        """Whether each constant of another search differs by less than `AGREEING` standard errors of this search."""
+        """Whether each constant differs from its value in `other` by less than `AGREEING` standard errors."""
         sd = np.sqrt(np.diag(np.linalg.inv(self.precision)))
         return bool((np.abs(other.theta - self.theta) < AGREEING * sd).all())
 
@@ -82,13 +82,13 @@ def starts(spread: Floats, n: int) -> Floats:
 
 
 def begun(at: At, start: Floats) -> Optimum:
-    """State of a search after its first pass, which is at the start. Raises OutOfTimeError."""
+    """State of a search after the filter pass at its start. Raises OutOfTimeError."""
     first = at(start)
     return Optimum(start, first, first, 1, converged=False, times=times_counted(first))
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The result with the highest posterior. All log likelihoods are divided by the same factor."""
+    """The result with the highest posterior. The comparison uses the smallest `Optimum.times` for all results."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
@@ -102,7 +102,7 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """Continue a Gauss-Newton search from its best point; unit: as in `gauss_newton`, (n,)."""
+    """Continue a Gauss-Newton search from `best`; unit: prior standard deviation of the log of each constant, (n,)."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
@@ -140,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """Results in the order of the starts, up to the first None. Raises OutOfTimeError if there is no result."""
+    """Results in order of the starts, until a search ran out of time. Raises OutOfTimeError if there is no result."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

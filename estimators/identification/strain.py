@@ -17,14 +17,14 @@ from estimators.identification.stretch import affordable, frame_seconds, from_fi
 from estimators.tissue.settings import FilterSettings
 
 STRAINS = (0.002, 0.003, 0.01, 0.03)
-"""Values of the discrepancy that are compared, relative to the body's extent [1]; choice."""
+"""Values of the model's discrepancy that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
 """Smallest discrepancy of a model whose constants were not identified [1]; measured: docs/filter.md. The marks do not
 show how well such a model predicts the target."""
 
 REFUTED = 3.0
-"""A value is rejected if its log likelihood is below the largest log likelihood by more than this [1]; choice."""
+"""A discrepancy is rejected if its log likelihood is more than this below the largest log likelihood [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +32,8 @@ class TuningResult:
     """Estimated discrepancy of a model.
 
     settings: the given settings, with the estimated discrepancy
-    names: the name "strain"; values, log_sd: the discrepancy, and the standard error of its log [1], (1,)
-    log_likelihood, log_likelihood_before: see `tune_strain`, for the estimated discrepancy and for the given one
+    names: always ("strain",); values: the estimated discrepancy [1], (1,); log_sd: standard error of its log, (1,)
+    log_likelihood, log_likelihood_before: log likelihood of the estimated, and of the given discrepancy
     n_frames: number of used frames; in_time: False if the time was too short for all frames and passes
     """
 
@@ -88,14 +88,14 @@ def tune_strain(
 ) -> TuningResult:
     """Estimate a model's discrepancy from a recording: the largest value of `STRAINS` that the marks do not reject.
 
-    The log likelihood is a sum over all marks: the log density of each mark, given the other marks of its frame. The
-    joint density of all marks would hardly depend on how well marks predict a hidden position.
+    The log likelihood is a sum over all marks: the log density of each mark, given the other marks of its frame. This
+    sum shows how well the marks predict a hidden position. The joint density of all marks would hardly show this.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
     uncertainty: uncertainty of the constants
     budget: time limit; workers: `map`, or the map function of a pool of processes
     advance: called with the completed share
-    is_identified: whether the constants were estimated from this tissue; if not, `UNSEEN` is the smallest result
+    is_identified: whether the constants were estimated from this tissue; if False, the result is at least `UNSEEN`
     Raises IdentificationError if the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
@@ -128,7 +128,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a logarithm, from log likelihoods `logs` at its values `places`; the prior is uniform."""
+    """Standard deviation of a variable with a uniform prior; logs: its log likelihood at each of the values places."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

@@ -16,8 +16,7 @@ PROBED = 3
 """Number of frames of a timed pass. A first pass, which is not timed, loads the compiled code."""
 
 TIMED = 3
-"""Number of timed passes, of which the fastest pass is used; numerical. Another program may interrupt a pass for longer
-than a few frames take."""
+"""Number of timed passes. Only the fastest pass counts, because another program may delay the others; numerical."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
@@ -61,7 +60,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """Frames for which the remaining time allows n_passes passes: all frames if possible, else the `liveliest`.
+    """Frames that the remaining time allows for n_passes passes: all frames, or as many as possible of the `liveliest`.
 
     frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
     Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.
