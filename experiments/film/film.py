@@ -26,7 +26,7 @@ class Film:
     """A context manager that writes film.avi into a folder frame by frame, and worst.png at the end.
 
     In space each camera has a film, film.NAME.avi. If there are no pictures, marks are drawn on a plain background.
-    Marks in space need a camera of the scene; without one, InputError is raised.
+    Raises InputError for a scene in space without cameras.
     """
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:

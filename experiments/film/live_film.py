@@ -22,14 +22,14 @@ from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
-"""Largest number of a camera's waiting pictures; a further one replaces the oldest; choice: 0.3 s at 30 frames/s."""
+"""Largest number of waiting pictures of a camera; one more replaces the oldest; choice: 0.3 s at 30 frames/s."""
 
 
 class LiveFilm:
-    """A film for each camera, written in pieces to the folder `growing` and joined at the end.
+    """A film for each camera; a thread for each camera draws and compresses the pictures.
 
-    growing: folder created with the first frame; if the run is killed, `softaim record --recover` joins the pieces
-    A thread for each camera draws and compresses the pictures.
+    The films are written in pieces to the folder `growing`, which the first frame creates. At the end the pieces are
+    joined; if the run is killed, `softaim record --recover` joins them.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:
@@ -65,7 +65,7 @@ class LiveFilm:
             self._threads[name].put((step.estimates[FILTER].time_s, image, overlay))
 
     def finish(self, folder: Path) -> None:
-        """Write waiting frames, join each film's pieces, move the films to an existing folder, and write worst.png."""
+        """Write the waiting pictures and join each film's pieces; move films to an existing folder; write worst.png."""
         for thread in self._threads.values():
             thread.finish()
         if not self.n_written:

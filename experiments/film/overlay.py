@@ -30,7 +30,7 @@ from experiments.film.strokes import (
 from vision.arrays import Image
 
 WITHIN_95 = 2.447746830680816
-"""Root of the 95 % quantile of chi-square, 2 degrees of freedom: an ellipse's semi-axes in standard deviations."""
+"""Semi-axes of a 95 % ellipse in standard deviations: root of the 95 % quantile of chi-square, 2 degrees of freedom."""
 LIGHT: Colour = (255, 255, 255)
 SPRING: Colour = (215, 215, 215)
 TARGET: Colour = (66, 228, 240)
@@ -57,7 +57,7 @@ class MarkDrawn:
     center_px, cov_px2: the detection, (2,), (2, 2); None for a lost mark
     expected_px, expected_cov_px2: the prediction, (2,), (2, 2); None if it is not known
     shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
-    candidate_px: a rejected detection, (2,); why: reason in words for this fate
+    candidate_px: a detection that was rejected, (2,); why: the reason for `fate` in words
     measured: whether the filter uses the mark
     """
 
@@ -79,7 +79,7 @@ class NeedleDrawn:
     """A needle.
 
     shaft_px: ends of the drawn shaft, (2, 2); ahead_px: ends of the line ahead of the tip, (2, 2)
-    aim_px, aim_cov_px2: the aim, (2,), and its covariance, (2, 2); None if not known
+    aim_px, aim_cov_px2: predicted position of the target at arrival, (2,), (2, 2); None if not known
     """
 
     shaft_px: Floats
@@ -92,13 +92,13 @@ class NeedleDrawn:
 class Overlay:
     """Annotation of one frame.
 
-    status, status_colour: a word and its colour; facts: text beside the status, such as the time
+    status, status_colour: the estimate's status, and its colour; facts: text beside the status, such as the time
     nodes_px: positions of the nodes, (n, 2), NaN outside the view; names: names of the nodes, "" for those not labelled
     fixed: whether each node is fixed, (n,); springs: pairs of nodes, (m, 2)
-    target_px, target_cov_px2: estimate, (2,), (2, 2), None if not known
+    target_px: the target's estimate, (2,), NaN outside the view; target_cov_px2: its covariance, (2, 2), or None
     target_shape_px: matrix that maps the unit disc to the target's image about its center, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint
-    advice, advice_colour: a word and its colour, both empty without a needle
+    advice, advice_colour: the advice in a line, empty without a needle; its colour
     """
 
     status: str
@@ -141,7 +141,7 @@ def sketched(image: Image, overlay: Overlay) -> Image:
 
 
 def scale_of(image: Image) -> float:
-    """Factor on the size of lines and letters, relative to a picture of 640x480; at least 1."""
+    """How many times larger lines and letters are drawn than in a picture of 640x480; at least 1."""
     return max(1.0, min(image.shape[:2]) / 480.0)
 
 
@@ -191,7 +191,7 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
 
 
 def _rejected(canvas: Image, expected_px: Floats, candidate_px: Floats, colour: Colour, scale: float) -> None:
-    """A small cross on a rejected detection, and a line to it from the mark's predicted position."""
+    """Draw a small cross on a rejected detection, and a line to it from the mark's predicted position."""
     draw_segments(canvas, candidate_px + 5.0 * scale * CROSS, colour, round(scale))
     draw_dashes(canvas, np.stack([expected_px, candidate_px]), 3.0 * scale, colour, round(scale))
 
@@ -222,7 +222,7 @@ def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
 
 
 def _names(canvas: Image, overlay: Overlay, scale: float, rows: tuple[float, float]) -> None:
-    """Write the names of nodes and marks to their upper right, between these rows of the picture."""
+    """Write names to the upper right of nodes and marks; `rows`: the names stay between these rows of the picture."""
     up = text_height(scale)
 
     def draw(name: str, right: float, above: float, colour: Colour) -> None:
@@ -247,7 +247,7 @@ def _is_inside(canvas: Image, place_px: Floats) -> bool:
 
 
 def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]:
-    """Write status and facts at the top, advice below, reasons at the lower edge; returns first and last free row."""
+    """Write status, facts and advice at the top, reasons at the bottom; returns the first and last row without text."""
     height, width = canvas.shape[:2]
     pad, line, large = 5.0 * scale, text_height(scale), 1.3 * scale
     room = width - 2.0 * pad
@@ -274,7 +274,7 @@ def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]
 
 
 def wrapped(text: str, room_px: float, scale: float) -> list[str]:
-    """The lines of a text, broken between words to be no wider than `room_px` [px]."""
+    """The lines of a text that is broken between words, so that lines are at most `room_px` [px] wide."""
     if not text or text_width(text, scale) <= room_px:
         return [text] if text else []
     lines: list[str] = []

@@ -19,7 +19,7 @@ from experiments.pipeline.sight.camera import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500
-"""Number of points on a line that are tested for visibility; numerical: its visible end has an error of some pixels."""
+"""Number of points on a line that are tested for visibility; numerical: ends of the visible part err by some pixels."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -29,7 +29,7 @@ def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
 
 @lru_cache(maxsize=2)
 def _normals(scene: Scene) -> Mapping[str, Floats]:
-    """Outward unit normal of each mark, (3,), by node, on the body in the shape that the scene states."""
+    """Outward unit normal, (3,), of the body's surface at each mark, by node, in the shape that the scene states."""
     nodes = [mark.node for mark in scene.marks]
     return dict(zip(nodes, outward(scene, nodes), strict=True))
 
@@ -75,7 +75,7 @@ class PlaneView:
         return mark.shape_px(self.camera, place_m) if np.isfinite(self._place(place_m)).all() else np.zeros((2, 2))
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """Matrix [px], (2, 2), that maps the unit disc to the image of a ball of this radius [m]; place_m: (dim,)."""
+        """Matrix that maps the unit disc to the image of a ball [px], (2, 2); place_m: the centre [m], (dim,)."""
         is_seen = np.isfinite(self._place(place_m)).all()
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
@@ -86,7 +86,7 @@ class PlaneView:
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """Projection of a body in space into the picture of a camera, with the outward unit normal of each mark, (3,)."""
+    """Projection of a body in space into the picture of a camera; normals: outward unit normals at marks, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

@@ -20,7 +20,7 @@ DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 MARGIN_PX = 8.0
-"""Width of the margin around a picture in which lines are not clipped [px]: more than a line's width."""
+"""Lines are clipped at this distance outside the picture [px], which is more than a line's width."""
 NEAR_PX = 1e4
 """Largest coordinate at which lines need no clipping [px]: OpenCV's integers can represent it."""
 TEXT_PX = 16.0
@@ -51,7 +51,7 @@ def _is_near(places: Floats) -> bool:
 
 
 def _fixed(places: Floats) -> Picture:
-    """Positions in OpenCV's integer unit, a sixteenth of a pixel."""
+    """Positions as OpenCV's integers, in sixteenths of a pixel."""
     return np.round(places * 2**SHIFT).astype(np.int32)
 
 
@@ -68,7 +68,7 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
 
 
 def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
-    """The parts of segments, (n, 2, 2), within a picture with a margin; segments outside or not finite are omitted."""
+    """The parts of segments, (n, 2, 2), in the picture and a margin around it; segments not finite are omitted."""
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
     edges = np.array([[[-MARGIN_PX] * 2], [np.array(size_px) - 1.0 + MARGIN_PX]])
@@ -81,7 +81,7 @@ def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
 
 
 def ellipse_points(center_px: Floats, shape_px: Floats) -> Floats:
-    """Points on the closed ellipse center + shape @ unit circle, (n, 2), so dense that the line looks smooth."""
+    """Points, (n, 2), on the closed ellipse `center_px + shape_px @ unit_circle`; a line through them looks smooth."""
     reach = float(np.abs(shape_px).max())
     n = int(np.clip(8.0 * np.sqrt(reach), 24, 1440)) if np.isfinite(reach) else 24
     return np.asarray(center_px + _circle(n) @ shape_px.T, dtype=np.float64)
@@ -95,7 +95,7 @@ def _circle(n: int) -> Floats:
 
 
 def dashed(points_px: Floats, dash_px: float) -> Floats:
-    """Every second dash of a line through points, (n, 2), as line segments, (k, 2, 2)."""
+    """The dashes of a dashed line through points, (n, 2), as line segments, (k, 2, 2)."""
     lengths = np.linalg.norm(np.diff(points_px, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not np.isfinite(along[-1]) or along[-1] == 0.0:
@@ -109,7 +109,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
 
 
 def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw text with a dark edge; its upper left corner is `at_px`, moved if outside. Returns its width [px]."""
+    """Draw text with a dark edge from its upper left corner `at_px`, moved into the picture; returns its width [px]."""
     ink, edge = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     ink, edge = ink[: part.shape[0], : part.shape[1]], edge[: part.shape[0], : part.shape[1]]
@@ -127,7 +127,7 @@ def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def _room(image: Image, at_px: tuple[float, float], ink: Picture) -> Image:
-    """The part of a picture that letters at a position cover; it is shifted if it would cross the picture's edge."""
+    """The part of a picture for letters at this position; it is shifted if it would cross the picture's edge."""
     (height, width), (rows, columns) = ink.shape[:2], image.shape[:2]
     left = int(np.clip(round(at_px[0]), 0, max(columns - width, 0)))
     top = int(np.clip(round(at_px[1]), 0, max(rows - height, 0)))
@@ -156,7 +156,7 @@ def text_width(text: str, scale: float) -> int:
 
 @lru_cache(maxsize=512)
 def _letters(text: str, font_scale: float) -> tuple[Picture, Picture]:
-    """Coverage of pixels [1] by letters, and by letters with their dark edge, each (height, width, 1) float32."""
+    """Opacity of letters, and of letters with their dark edge, in each pixel [1], (height, width, 1) float32 each."""
     (width, height), below = cv2.getTextSize(text, FONT, font_scale, 1)
     pad = 2
     canvas = np.zeros((height + below + 2 * pad, width + 2 * pad), dtype=np.uint8)

@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue, their total area [px], and the least area of a mark that the detector accepts [px]."""
+    """A kind of marks, those of one hue: their total area [px], and the least area of a mark for the detector [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -46,10 +46,10 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Counter of pixels in the colour range of each kind of marks.
+    """Counter of pixels in the colour range of each kind of marks, which have one hue.
 
-    times_s, pixels: times of the frames; for each frame, number of pixels of each kind
-    stills: for each kind, the frames with the fewest and the most pixels
+    times_s: times of the frames [s]; pixels: for each frame, the number of pixels of each kind
+    stills: for each kind, the frame with the fewest pixels of the kind, and the frame with the most
     """
 
     kinds: tuple[Kind, ...]
@@ -59,7 +59,7 @@ class Taken:
     stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
 
     def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
-        """Count the pixels of a frame; store it if it has the fewest or the most pixels of a kind."""
+        """Store the pixel counts of a frame; store its picture if a kind has fewer or more pixels than ever before."""
         self.times_s.append(time_s)
         self.pixels.append(list(pixels))
         for k, n in enumerate(pixels):
@@ -69,7 +69,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """For each kind of marks, statistics of its number of pixels over all frames."""
+        """Statistics of the number of pixels over all frames; an entry for each kind of marks."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share
@@ -89,7 +89,7 @@ class Taken:
 
 
 def kinds_of(scene: Scene) -> tuple[Kind, ...]:
-    """Marks by hue, with their visible size at rest."""
+    """The scene's marks grouped by hue, with their area in the picture at rest."""
     camera, network = scene.cameras[0], scene.network
     shapes = {mark.node: mark.shape_px(camera, network.positions[network.index(mark.node)]) for mark in scene.marks}
     areas = {node: np.pi * abs(float(np.linalg.det(shape))) for node, shape in shapes.items()}
@@ -104,7 +104,7 @@ def kinds_of(scene: Scene) -> tuple[Kind, ...]:
 
 
 def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
-    """A grey copy of a frame; the pixels of each kind of marks have the kind's hue, and text states their share.
+    """A grey copy of a frame; pixels in a kind's colour range have the kind's hue, and text states their share.
 
     classes: the kind of each pixel, counted from 1
     """
@@ -125,7 +125,7 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 def taken_over(
     source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
-    """Count the pixels of each kind of marks in a film, folder of pictures or recording. Raises InputError.
+    """Count the pixels in the colour range of each mark, in a film, folder of pictures or recording. Raises InputError.
 
     folder: existing folder for hue.csv, hue.png and, if film is True, film.avi; None to write nothing
     """
@@ -180,7 +180,7 @@ def _write(taken: Taken, folder: Path) -> None:
 
 
 def verdicts(taken: Taken) -> list[str]:
-    """A sentence for each kind with too many or too few selected pixels."""
+    """A sentence for each kind of marks whose colour range selects too many or too few pixels."""
     verdicts = []
     for figures, kind in zip(taken.figures(), taken.kinds, strict=True):
         names = f"mark{'s' * (len(kind.nodes) > 1)} {', '.join(kind.nodes)}: {kind.keys}"

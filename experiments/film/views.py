@@ -48,11 +48,11 @@ TRUSTED = (Status.TRACKING, Status.COASTING)
 GROUND = 60
 """Grey level of the plain background."""
 GROUND_PX = (640, 480)
-"""Size of the plain background for marks without pictures [px]."""
+"""Size of the plain background of films that show marks without camera pictures [px]."""
 GROUND_SHARE = 0.6
-"""Share of the background that the network at rest covers [1]; its motion and text need the remaining part."""
+"""Share of the background's size that the network at rest covers [1]: motion and text need room."""
 MOST_NAMED = 40
-"""Largest number of nodes in a network that are all labelled: more labels would hide the picture."""
+"""Largest number of nodes that are all labelled; in a larger network only the target and marks have labels."""
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
@@ -67,7 +67,7 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 
 
 def film_cameras(scene: Scene) -> dict[str, PlaneCamera | SpaceCamera]:
-    """Cameras in space by name or, for a flat scene, the ground camera by ""; InputError in space without cameras."""
+    """Cameras of a scene in space, by name; for a flat scene the ground camera, by "". InputError if there are none."""
     return {film_name(one.name, i): one for i, one in enumerate(scene.space_cameras)} or {"": ground_camera(scene)}
 
 
@@ -79,7 +79,7 @@ def pictures_of(
     guidance: Guidance | None = None,
     plan: NeedlePlan | None = None,
 ) -> dict[str, tuple[Image, Overlay]]:
-    """For each camera, its picture and the overlay on it; a frame of another tracker's marks has a plain background."""
+    """For each camera, its picture and the overlay; a tracker's frames, without pictures, get a plain background."""
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images
@@ -89,7 +89,7 @@ def pictures_of(
 
 
 def ground(camera: PlaneCamera | SpaceCamera) -> Image:
-    """The plain background for marks without pictures, (height, width, 3) BGR."""
+    """The plain background of films that show marks without camera pictures, (height, width, 3) BGR."""
     return np.full((camera.size_px[1], camera.size_px[0], 3), GROUND, dtype=np.uint8)
 
 
@@ -102,7 +102,7 @@ def overlay_of(
 ) -> Overlay:
     """The annotation of a step in the picture of a camera; line: the pipeline after that step.
 
-    guidance, plan: the advice at the time of the step, and its needle
+    guidance: the advice at the time of the step; plan: the planned needle path
     """
     scene, estimate = line.scene, step.estimates[FILTER]
     view = view_of(scene, camera)
@@ -153,7 +153,7 @@ def _notes(target_cov_px2: Floats | None, size_px: tuple[int, int]) -> tuple[str
 
 
 def _marks(scene: Scene, step: Step, view: View) -> tuple[MarkDrawn, ...]:
-    """The marks that the camera may see."""
+    """The marks that may be visible to the camera."""
     seen = {mark.node: mark for mark in step.marks}
     expected = {} if step.sight is None else step.sight.expected
     places = {node: place for node, (place, _) in expected.items()} | {node: one.position for node, one in seen.items()}
@@ -191,7 +191,7 @@ def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, vi
 
 
 def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
-    """Text with the distance of a rejected mark from its predicted position."""
+    """Text that states the distance of a rejected mark from its predicted position."""
     away = seen.position - mean
     sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"

@@ -15,9 +15,9 @@ from experiments.pipeline.scores.marks import REFUSED
 from vision.arrays import Image
 
 TILE_PX = 640
-"""Largest width of a picture on the sheet [px]."""
+"""Largest width of a picture in worst.png [px]."""
 MOST_TILES = 6
-"""Largest number of pictures on the sheet: more are illegible on a screen."""
+"""Largest number of pictures in worst.png: more are illegible on a screen."""
 CAPTION_LINES = 2
 """Lines of text above a picture."""
 SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status.INITIALISING)
@@ -34,13 +34,13 @@ class Still:
 
 
 class WorstFrames:
-    """Stores the worst frame of each kind. A kind is the estimate's status and the fault of the first unused mark."""
+    """The worst frame of each kind. Frames of a kind agree in status and in the fault of the first unused mark."""
 
     def __init__(self) -> None:
         self._stills: dict[tuple[str, str], Still] = {}
 
     def take(self, overlay: Overlay, picture: Image) -> None:
-        """Count a drawn frame, and store it if it is the worst of its kind."""
+        """Count a drawn frame, and store it if it is the worst frame of its kind so far."""
         missed = [mark for mark in overlay.marks if mark.fate is not Fate.FOUND and mark.measured]
         # a reason has its numbers in parentheses
         faults = [REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0] for mark in missed]
@@ -55,7 +55,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """Pictures in rows of two, the worst kinds first; if there were no faults, the most uncertain frames."""
+        """The worst frame of each kind with a fault, the worst kinds first; if there are no faults, of every kind."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -70,7 +70,7 @@ class WorstFrames:
 
 
 def captioned(picture: Image, text: str) -> Image:
-    """A picture below one or two lines of text; it is at most as wide as a tile."""
+    """A picture, reduced to at most the width `TILE_PX`, with one or two lines of text above it."""
     tile, line = _tile(picture), text_height(1.0)
     caption = np.zeros((CAPTION_LINES * line + 6, tile.shape[1], 3), dtype=np.uint8)
     for k, words in enumerate(wrapped(text, tile.shape[1] - 8.0, 1.0)[:CAPTION_LINES]):
@@ -89,7 +89,7 @@ def side_by_side(tiles: Sequence[Image]) -> Image:
 
 
 def _spread(overlay: Overlay) -> float:
-    """Standard deviation of the target in the picture [px], infinite if it is not known, 0 outside the view."""
+    """Standard deviation of the target in the picture [px]; infinite without a covariance, 0 outside the view."""
     if not np.isfinite(overlay.target_px).all():
         return 0.0
     cov = overlay.target_cov_px2

@@ -57,16 +57,17 @@ COLOURS = {
     Advice.NO_GUIDANCE: GREY,
 }
 LANE_MM = 6.5
-"""Printed height of the lane of one reason [mm]: bars below a line of text."""
+"""Height in print of the row of one reason [mm]: a line of text, and bars below it."""
 
 MOST_CHANGES = 40
-"""Largest number of advice changes drawn as lines: more would merge."""
+"""If the advice changes more often than this, the plot has no lines at the changes: the lines would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Largest invisible difference of probabilities; largest range, in lesion radii, of a miss that counts as constant."""
+"""Largest difference of probabilities that is not visible in the plot [1]; largest range of a miss that counts as
+constant [lesion radii]."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
-"""Widths in print for a body in space [mm]: the whole view, a close-up, and the square that the body fills."""
+"""Widths in print for a body in space [mm]: of a view, of a close-up, and of the square that the view's axes fill."""
 
 OBSERVED = "observed: share of needles with random errors of tip and push that hit the true target"
 """Legend entry of the observed hit rate."""
@@ -78,7 +79,7 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 def advice_figure(done: Advised) -> Figure:
     """The probability of a hit over time, the needle's miss, and a row of bars for each reason of the advice.
 
-    If the miss is constant, it is stated as text. In space the needle in the body is shown from two sides.
+    If the miss is constant, it is stated as text. For a body in space, the figure also shows the needle from two sides.
     """
     rows, reasons = table(done), reasons_of(done)
     lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
@@ -110,7 +111,7 @@ def advice_figure(done: Advised) -> Figure:
 
 
 def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
-    """Draw the needle and its latest aim from two sides, in the whole body and in close-ups; returns legend entries."""
+    """Draw the needle and the last aim from two sides, in views of the body and close-ups; returns legend entries."""
     scene, plan = done.recording.scene, done.plan
     aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
     at_rest = scene.network.positions[scene.network.index(scene.target.node)]
@@ -140,7 +141,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw the hit probability of an immediate insertion; draw those of later or turned ones if they differ visibly."""
+    """Draw hit probabilities of an insertion now, later and after a turn; omit the last two if they look the same."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -155,7 +156,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
 
 
 def _differ(rows: pd.DataFrame, column: str) -> bool:
-    """Whether a probability differs visibly, in any frame, from the probability for an immediate insertion."""
+    """Whether this probability differs visibly, in at least one frame, from that of an immediate insertion."""
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
 
 
@@ -170,7 +171,7 @@ def _constant_miss(lateral_mm: Floats) -> str:
 
 
 def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:
-    """Draw the needle's miss over time; returns the line at the lesion's radius."""
+    """Draw the needle's miss over time, and a line at the lesion's radius; returns this line."""
     times = np.array(done.times_s)
     size = np.ptp(done.recording.scene.network.positions, axis=0)
     radius = 1e3 * done.plan.lesion.radius_m
@@ -185,7 +186,7 @@ def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
-    """Draw a row for each reason, with its text and bars while it applied; draw a dotted line at changes of advice."""
+    """Draw a row for each reason: its text, and bars over its frames. Dotted lines show changes of the advice."""
     times = np.array(done.times_s)
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
@@ -207,9 +208,9 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
-    """For each kind of reason, sorted by advice: the advice, the text, and whether the reason applied in each frame.
+    """Groups of reasons, sorted by advice: the advice, the text, and whether each frame has a reason of the group.
 
-    Reasons that differ only in numbers are one kind, whose text has the range of each number.
+    Reasons that differ only in numbers form a group. The group's text has the range of each number.
     """
     kinds: dict[tuple[Advice, str], list[int]] = {}
     for k, one in enumerate(done.guidance):

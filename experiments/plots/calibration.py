@@ -1,4 +1,4 @@
-"""Plot of a calibration: residuals over the picture's area, and the rms residual of each picture."""
+"""Plot of a calibration: residuals of the corners in the picture, and the rms residual of each picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def calibration_picture(calibration: Calibration, form: str) -> bytes:
 
 @styled
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Enlarged arrows from expected to detected corners, and a bar chart of each picture's rms residual."""
+    """Arrows, enlarged, from expected to detected corners, and a bar chart of the rms residual of each picture."""
     figure, [[area, bars]] = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
     _residuals(calibration, area)
     _bars(calibration, bars)

@@ -17,18 +17,18 @@ from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILL
 from experiments.projects.check import SceneCheck
 
 MANY = 30
-"""Largest number of nodes for which unmarked nodes are also labelled: more labels would be illegible."""
+"""Largest number of nodes that are all labelled; in a larger network only nodes with marks are labelled."""
 
 N_BARS = 20
 """Largest number of marks whose share of information is drawn."""
 
 LEAST_BARS = 6
-"""Least number of bars for which the axis has room, so that a single bar is not too wide."""
+"""If there are fewer bars than this, the axis keeps room for this number of bars, so that the bars are not too wide."""
 
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""If no node at rest is farther than this from its position in the scene [mm], the plot omits the shape at rest."""
+"""If each node at rest is within this distance of its position in the scene [mm], the plot omits the shape at rest."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""
@@ -36,7 +36,7 @@ VIEW_MM = 62.0
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """Figure of the network, as in the scene and at rest, and of each mark's share of the information on the target."""
+    """The body as the scene states it and at rest, and bars for the marks' shares of information on the target."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 

@@ -1,6 +1,6 @@
 """Plot of a comparison: observed and predicted errors of each method over time.
 
-Without truth, the distance of each method from the filter replaces the error.
+If the truth is unknown, the distance of a method's estimate from the filter's estimate replaces the observed error.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_be
 
 @styled
 def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time, and its predicted rms error: the root of the trace of its covariance.
+    """Observed and predicted rms error of each method over time.
 
-    All methods have the same scale; errors outside the plot are marked at its edge and counted. If there is no truth,
-    the distance from the filter's estimate replaces the error.
+    The predicted error is the root of the covariance's trace. All methods have the same scale. Errors outside the plot
+    are marked at its edge and counted. If the truth is unknown, the distance from the filter replaces the error.
     """
     methods = methods_of(done)
     figure, axes = grid_figure(PAGE_MM, 14.0 + 24.0 * len(methods), nrows=len(methods), sharex=True, sharey=True)

@@ -22,17 +22,17 @@ from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, gr
 
 N_BINS = 8
 SPARED = 0.05
-"""Share of frames that may lie outside the plot at either end; the plot states their number."""
+"""Largest share of frames that may lie beyond one end of an axis; the plot states the number of frames outside."""
 
 NARROW = 3.0
-"""Ratio of an axis's upper to its lower limit up to which ticks are linear [1]: logarithmic ticks would be too few."""
+"""An axis has linear ticks up to this ratio of its upper to its lower limit [1]: logarithmic ticks would be too few."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
-"""Limits of plots of NEES and NIS, about four decades from the bounds of consistent frames."""
+"""Least and largest NEES or NIS in a plot [1]: about four decades beyond the bounds of consistent frames."""
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
-    """Error per axis and its standard deviation [mm] in the frames that have both, and the NEES of these frames."""
+    """Errors per axis [mm], standard deviations [mm] and NEES of the frames that have an error and a covariance."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
     error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
@@ -42,7 +42,7 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 @styled
 def sigma_figure(done: Track) -> Figure | None:
-    """Observed error over predicted standard deviation, for groups of frames; None if no frame has both.
+    """Observed error over predicted standard deviation, for groups of frames; None without errors or covariances.
 
     If the covariance is consistent, 95 % of the groups lie in the band. Errors of frames are correlated in time, so the
     band's width uses the effective number of independent errors in a group.
@@ -81,7 +81,7 @@ def sigma_figure(done: Track) -> Figure | None:
 
 
 def grouped(sigma: Floats) -> list[np.ndarray]:
-    """Numbers of the frames in groups of ascending `sigma`, (n_frames,); the groups have nearly equal sizes."""
+    """Indices of frames in groups of increasing `sigma`, (n_frames,); the groups have nearly equal sizes."""
     edges = np.unique(np.quantile(sigma, np.linspace(0.0, 1.0, N_BINS + 1)))
     if len(edges) < 2:
         return [np.arange(len(sigma))]
@@ -136,7 +136,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Ratio of observed to predicted error of each mark; the prediction is by a filter that does not use the mark.
+    """Bar chart of observed over predicted error of each mark; a filter that does not use this mark predicts it.
 
     Raises ValueError if there are no marks.
     """

@@ -30,10 +30,10 @@ from experiments.simulation.policies import POLICIES
 
 COLOURS = dict(zip(POLICIES, (GREY, ORANGE, SKY, BLUE, GREEN), strict=True))
 DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid", "solid"), strict=True))
-"""Line styles in addition to colours, for lines that cross."""
+"""Line styles that, in addition to colours, distinguish lines that cross."""
 
 WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
-"""Widths of lines [pt]: the last three often coincide, so each of them is narrower than the one drawn before it."""
+"""Widths of lines [pt]. The last three lines often coincide, so each of them is narrower than the line below it."""
 
 N_LEAST = 5
 """Least number of insertions in a drawn bin; the plot states how many insertions other bins have."""
@@ -45,7 +45,7 @@ FARTHEST_MM = 20.0
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
     """Draw hits.png, misses.png, reliability.png and advised.png into a folder.
 
-    If no bin of a reliability plot (reliability.png, advised.png) has `N_LEAST` insertions, the plot is omitted.
+    If all bins of reliability.png or advised.png have fewer than `N_LEAST` insertions, this plot is omitted.
     vector: "pdf" or "svg" for a vector file of each plot
     """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
@@ -104,21 +104,21 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates of the policy `filter-ahead` over the probabilities that it predicts when it decides to insert.
+    """Observed hit rate over the hit probability that the policy `filter-ahead` predicts when it decides to insert.
 
-    In each run the radius of the lesion is drawn at random.
+    In each run the radius of the lesion is random.
     """
     return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 
 
 def advised_figure(done: Trials) -> Figure:
-    """Hit rates of immediate insertions over the probabilities that the advice predicted."""
+    """Observed hit rate of immediate insertions over the hit probability that the advice predicted."""
     return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
 
 
 @styled
 def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
-    """Hit rates over predicted probabilities, in ten bins, with 99 % intervals."""
+    """Observed hit rate over predicted hit probability, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")

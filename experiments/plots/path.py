@@ -1,4 +1,4 @@
-"""Plot of the target's path: in the plane, coloured by time; in space, as coordinates over time and in two views."""
+"""Plot of the target's path: a flat path is coloured by time; in space there are coordinates over time and views."""
 
 from __future__ import annotations
 
@@ -48,23 +48,23 @@ from experiments.plots.style import (
 
 N_ELLIPSES = 40
 MOST_NAMES = 30
-"""Largest number of a network's nodes for which unmarked nodes are also labelled."""
+"""Largest number of nodes that are all labelled; in a larger network only target and measured marks have labels."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
-"""Widths in print for a body in space [mm]: the whole view, a close-up, and the square that the body fills."""
+"""Widths in print for a body in space [mm]: of a view, of a close-up, and of the square that the view's axes fill."""
 
 FAINT = 0.3
 """Opacity of an ellipse for a frame whose estimate is not based on consistent marks."""
 
 OURS_IN_TIME = colormaps[TIME_MAP](0.35)
-"""Colour from the colour map that stands for the filter's path in a legend."""
+"""Colour of the filter's path in a legend; the path itself is coloured by time."""
 
 
 @styled
 def path_figure(done: Track) -> Figure:
     """Path of the hidden target on a frame of the film, and a close-up with the filter's 2-sigma ellipses.
 
-    In space the figure has the target's coordinates over time, and the body and a close-up from two sides.
+    In space the figure shows the target's coordinates over time instead, and from two sides the body and a close-up.
     """
     return _in_plane(done) if done.recording.scene.network.dim == 2 else _in_space(done)
 
@@ -112,7 +112,7 @@ def _in_space(done: Track) -> Figure:
 
 
 def _last(done: Track) -> TargetEstimate | None:
-    """The last estimate that lies near the body and has an ellipsoid smaller than the body; None if there is none."""
+    """The last estimate with a mean near the body and an ellipsoid smaller than the body; None if there is none."""
     box, size = widened(body_box(done), AROUND), body_size(done)
     near = [e for e in done.estimates(FILTER) if e.cov is not None and not outside(e.mean[None], box)[0]]
     return next((e for e in reversed(near) if e.cov is not None and _fits(e.cov, 0.5 * size)), None)
@@ -148,7 +148,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """Draw a close-up of the paths with ellipses; return how many ellipses were drawn, and how many were too large."""
+    """Draw a close-up of the paths with ellipses; returns the numbers of ellipses drawn and of those too large."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -164,7 +164,7 @@ def _close(done: Track, ax: Axes) -> tuple[int, int]:
 
 
 def _paths(done: Track, ax: Axes, thick: float) -> None:
-    """Draw the paths of the filter (coloured by time), truth and open loop; points outside are marked and counted."""
+    """Draw the paths of filter, truth and open loop; estimates outside are counted, the filter's also marked."""
     means, papers, times = means_mm(done, FILTER), means_mm(done, OPEN_LOOP), done.times_s
     truth = 1e3 * done.truth
     shown = slice(None, None, -(-len(means) // N_DRAWN))
@@ -204,7 +204,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """Draw 2-sigma ellipses of some frames; returns how many were drawn, and how many were too large.
+    """Draw 2-sigma ellipses of some frames; returns the numbers of ellipses drawn and of those too large.
 
     If no consistent marks support an estimate, its ellipse is faint.
     """
@@ -222,7 +222,7 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 def _film(done: Track, ax: Axes) -> bool:
     """Draw the part of the film's first frame that shows the network.
 
-    Returns False if there is no film, or if its picture is turned against the plot's axes.
+    Returns False if there is no film, or if the picture's axes are not parallel to the plot's axes.
     """
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
@@ -242,7 +242,7 @@ def _film(done: Track, ax: Axes) -> bool:
 
 
 def _network(done: Track, ax: Axes, *, lines: bool) -> None:
-    """Draw the names of the nodes at their positions in the scene; if `lines`, also springs and nodes."""
+    """Draw the names of the nodes at their positions in the scene; if `lines` is true, also draw springs and nodes."""
     scene = done.recording.scene
     network = scene.network
     x = 1e3 * network.positions
@@ -259,5 +259,5 @@ def _network(done: Track, ax: Axes, *, lines: bool) -> None:
 
 
 def _fits(cov: Floats, reach: float) -> bool:
-    """Whether the 2-sigma ellipse of a covariance, (2, 2), has a finite longest semi-axis of at most twice `reach`."""
+    """Whether a covariance, (dim, dim), is finite and its 2-sigma ellipsoid has semi-axes of at most `2 * reach`."""
     return bool(np.isfinite(cov).all() and 2.0 * np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)) <= 2.0 * reach)

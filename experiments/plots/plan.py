@@ -43,10 +43,10 @@ BEST, NEXT, FORBIDDEN, LESION = BLUE, SKY, VERMILLION, PURPLE
 FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}
 TISSUE, SKIN = "#f8ece4", "#b98b6b"
 ROUND = float(np.sqrt(chi2.ppf(0.95, 2)))
-"""Radius of the 95 % region in the plane of the picture, in standard deviations."""
+"""Semi-axis of the 95 % ellipse of a Gaussian in the plane, in standard deviations."""
 
 ROOM_MM = 76.0
-"""Side in print of the square that a body in space fills [mm]."""
+"""Side in print of the square that the axes of a body in space fill [mm]."""
 
 
 def _xy(place: Floats) -> tuple[float, float]:
@@ -55,7 +55,7 @@ def _xy(place: Floats) -> tuple[float, float]:
 
 @styled
 def plan_figure(done: Planned) -> Figure:
-    """The tissue with paths, a close-up of the lesion, and the best path's figures; in space from two sides."""
+    """The tissue with needle paths, a close-up of the lesion and a table of paths; a body in space from two sides."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 
@@ -159,7 +159,7 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
-    """Function from a height in the view to the best path's horizontal position [mm]; without a path, the lesion's."""
+    """Function of the height in the view [mm]: horizontal position of the best path, or, without one, of the lesion."""
     found = done.plan
     tip, entry = (
         view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))
@@ -184,7 +184,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
-    """Draw the most probable path from each entry; the best and the next best paths are thicker."""
+    """Draw the path of highest hit probability from each entry, and with thicker lines the best and next best paths."""
     found = done.plan
     n_aims = done.task.n_aims
     shown = [
@@ -284,7 +284,7 @@ def _close_up(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
 
 
 def _frame(done: Planned, ax: Axes) -> None:
-    """Show the entries, the lesion and obstacles, with an inset of their position in the tissue."""
+    """Limit the axes to entries, lesion and obstacles; an inset shows where in the tissue this part is."""
     found, network = done.plan, done.scene.network
     ends = [place for one in done.task.obstacles for place in (one.start[:2], one.end[:2])]
     x = 1e3 * np.vstack([found.entries[:, :2], found.tips[:, :2], *(end[None] for end in ends)])

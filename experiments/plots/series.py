@@ -29,7 +29,7 @@ K = TypeVar("K", Status, Advice)
 
 
 def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]:
-    """Start and length [s] of each block of frames in which `held` is true, extended half-way to adjacent frames."""
+    """Start and length [s] of each block of frames with `held` true; blocks begin and end half-way between frames."""
     if len(times_s) < 2:
         return []
     edges = np.concatenate([times_s[:1], 0.5 * (times_s[1:] + times_s[:-1]), times_s[-1:]])
@@ -39,7 +39,7 @@ def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]
 
 
 def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
-    """Colour the background by the kind of each frame: bands of full height for each kind with a colour.
+    """Colour the background of each frame by its kind, a status or an advice; kinds without a colour are omitted.
 
     The label of a band is its kind.
     """
@@ -52,16 +52,16 @@ def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K
 
 
 N_DRAWN = 4000
-"""Largest number of points in a line, about three for each pixel of a plot's width."""
+"""Largest number of points of a drawn line: about three points for each pixel of a plot's width."""
 
 N_CARETS = 400
 """Largest number of carets on an edge: more would merge."""
 
 OUTLIERS = 0.01
-"""Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
+"""For the body's box, this share of the lowest and of the highest mark positions on each axis is omitted: outliers."""
 
 USUAL, FAR = 0.99, 10.0
-"""Quantile of a series up to which an axis shows it, and largest value shown, relative to the series' median [1]."""
+"""An axis shows a series up to its quantile `USUAL`, but not beyond `FAR` times its median [1]."""
 
 
 def body_box(done: Track) -> Floats:
@@ -98,7 +98,7 @@ def widened(box: Floats, share: float) -> Floats:
 
 
 def highest(most: float, *series: Floats) -> float:
-    """Upper limit of an axis, at most `most`, with room for the usual values of each series."""
+    """Upper limit of an axis that shows the usual values of all series, as `USUAL` states; it is at most `most`."""
     sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
     tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
     top = 1.2 * max(tops, default=0.0)
@@ -106,7 +106,7 @@ def highest(most: float, *series: Floats) -> float:
 
 
 def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A series as a line of at most `N_DRAWN` points: the least and the largest value of each block of frames.
+    """A series as a line of at most `N_DRAWN` points; a longer series keeps the extreme values of blocks of frames.
 
     A block without any finite value breaks the line.
     """
@@ -121,7 +121,7 @@ def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
-    """Draw carets on the edges of a plot for values above or below it; returns the number of such frames."""
+    """Draw carets on the upper and lower edge of a plot for values beyond it; returns the number of these values."""
     low, high = ax.get_ylim()
     count = 0
     for beyond, edge, marker in ((values > high, 0.985, "^"), (values < low, 0.015, "v")):
@@ -134,7 +134,7 @@ def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
 
 
 AROUND = 0.5
-"""Margin of a plot around the body, relative to the body's size."""
+"""Margin of a plot on each side of the body, relative to the longest side of the body's box."""
 
 
 def means_mm(done: Track, method: str) -> Floats:
@@ -160,7 +160,7 @@ def draw_motion(done: Track, ax: Axes, axis: int) -> None:
 
 
 def usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis that shows the truth, the filter's path near the body, and the median 3-sigma band."""
+    """Limits [mm] of an axis with the truth, the filter's path near the body, and a margin of three median sigmas."""
     (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], means_mm(done, FILTER)[:, axis]
     truth = 1e3 * done.truth[:, axis]
     near = np.concatenate([places[(places >= low) & (places <= high)], truth[np.isfinite(truth)]])
@@ -175,9 +175,9 @@ def usual_range(done: Track, axis: int) -> tuple[float, float]:
 def draw_over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """Draw a coordinate over time by filter (`ours`) and open loop (`papers`), with bands of multiples of sigma.
+    """Draw a coordinate of filter and open loop over time, with a band for each of the multiples of sigma.
 
-    A single band is drawn about the filter's values, several bands are drawn about zero.
+    `ours` is by the filter, `papers` by the open loop. A single band is about `ours`; several bands are about zero.
     """
     times = done.times_s
     at, spread = thinned(times, sigma)

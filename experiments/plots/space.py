@@ -26,23 +26,23 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""Directions to the viewer [degrees]: angles about y from z to the right, and the angle above the plane of x and z.
-Plots have the first view, and the other view that adds most marks."""
+"""Directions to the viewer [degrees]: azimuths in the plane of x and z, from z toward x; elevation above this plane.
+Plots show the first view, and of the other views the one with most marks that the first view hides."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
 
 N_SPRINGS = 600
-"""Largest number of springs that are drawn: more would hide each other."""
+"""If there are more springs than this, no springs are drawn: they would hide each other."""
 
 SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
-"""Colours of a surface in full light, of its wall, and of near and far springs."""
+"""Colours in full light of a free surface and of the wall, its fixed part; colours of near and of far springs."""
 
 VISIBLE = 0.01
-"""Share of a body's visible area that its wall must have to be named in the legend."""
+"""If the wall fills more than this share of a body's visible area in one of the views, the legend names the wall."""
 
 DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
-"""Share of light on a face turned away from the lamp; direction of the lamp: right, up and toward the viewer."""
+"""Brightness of a face that the lamp does not light [1]; direction to the lamp: right, up and toward the viewer."""
 
 MARGIN = 0.06
 """Margin around a body, relative to its size."""
@@ -51,7 +51,7 @@ NEEDLE = "#7a4b1e"
 """Colour of a needle: not black, because curves over time beside the body are black."""
 
 SHAFT_M = 1.0
-"""Drawn length of a needle behind its tip [m]: it ends outside of every plot."""
+"""Length of the drawn shaft behind the needle's tip [m]: the shaft ends outside of every plot."""
 
 WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
 """Directions in which a name may be placed from its mark."""
@@ -78,7 +78,7 @@ FLAT = View(np.eye(2), np.zeros(2))
 
 
 def view_from(turn_deg: float) -> View:
-    """The view along z, turned by this angle about y, and from obliquely above."""
+    """The view from this azimuth, one of `TURNS_DEG`, and from the elevation `RAISED_DEG`."""
     turn, up = np.radians([turn_deg, RAISED_DEG])
     right = np.array([np.cos(turn), 0.0, -np.sin(turn)])
     toward = np.array([np.sin(turn) * np.cos(up), np.sin(up), np.cos(turn) * np.cos(up)])
@@ -103,7 +103,7 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
     """Draw the body in the shape that the scene states, with names of the marks on the visible side.
 
-    room_mm: side in print of the square that the axes fill [mm]; within_m: more positions to show [m], (n, 3)
+    room_mm: side in print of the square that the axes fill [mm]; within_m: further positions to show [m], (n, 3)
     """
     network = scene.network
     draw_surface(ax, view, outside, wall_faces(scene, outside))
@@ -116,7 +116,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """Draw the faces towards the viewer with shading, far ones first; wall: whether each face is fixed, (n_faces,)."""
+    """Draw the faces towards the viewer, shaded, from far to near; wall: whether each face is fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -147,7 +147,7 @@ def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int
 
 
 def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
-    """Draw marks: named on the near side, small and pale on the far side, as rings if the filter does not use them."""
+    """Draw marks: named on the visible side, small and pale on the far side, rings if the filter does not use them."""
     network, near = scene.network, facing(view, scene)
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
     named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
@@ -170,9 +170,10 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners, (n, 2), of names beside positions, with the least overlap with marks and earlier names.
+    """Place each name beside its mark, where it covers as little as possible of marks, earlier names and `kept_free`.
 
-    scale: units of the plot per millimetre in print; kept_free: further boxes that names should not overlap, (2, 2)
+    Returns the lower left corners of the names, (n, 2).
+    scale: units of the plot per millimetre in print; kept_free: boxes, each (2, 2), that names should not cover
     """
     disc, gap = 1.3 * scale * np.ones(2), 0.9 * scale
     taken = [*kept_free, *(np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places)]
@@ -221,7 +222,7 @@ def scale_bar(ax: Axes, reach: float) -> None:
 
 
 def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Floats | None) -> None:
-    """Draw the lesion as a disc, and the outline of the 2-sigma ellipsoid; cov: covariance [m²], (3, 3)."""
+    """Draw the lesion as a disc, and for a covariance [m²], (3, 3), the outline of the 2-sigma ellipsoid."""
     middle = view.seen_mm(place_m)
     ax.add_patch(Circle((middle[0], middle[1]), 1e3 * radius_m, fc=PURPLE, ec=PURPLE, lw=0.6, alpha=0.5, zorder=6))
     ax.plot(*middle, "+", color=PURPLE, ms=4, mew=0.8, zorder=6)
@@ -238,7 +239,7 @@ def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> N
 
 
 def close_up(ax: Axes, middle: Floats, reach: float) -> None:
-    """Set the axes' limits to this distance [mm] from a position in the plot [mm], (2,), and draw a scale bar."""
+    """Show the part of the plot within `reach` [mm] of a position [mm], (2,), on each axis, and draw a scale bar."""
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set(visible=True, color="0.6")
@@ -265,7 +266,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
 
 
 def _is_seen(faces: NDArray[np.bool_], outside: Outside, views: Sequence[View]) -> bool:
-    """Whether these faces make up at least the share `VISIBLE` of the visible area in any view."""
+    """Whether these faces fill more than the share `VISIBLE` of the visible area in at least one of the views."""
     areas = [(outside.normals @ view.toward).clip(0.0) for view in views]
     return any(bool(area[faces].sum() > VISIBLE * area.sum()) for area in areas)
 

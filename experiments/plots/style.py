@@ -37,7 +37,7 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"
 
 TRUE, OURS, PAPERS = BLACK, BLUE, ORANGE
-"""Colours of the truth, the filter and the paper's open loop in all plots."""
+"""Colours in all plots: of the truth, of the filter, and of the open loop, which is the paper's method."""
 
 TIME_MAP = "viridis"
 
@@ -105,7 +105,7 @@ def grid_figure(width_mm: float, height_mm: float, **grid: Any) -> tuple[Figure,
 
 
 def span(ax: Axes, times_s: Floats) -> None:
-    """Set limits from the first time to the last [s]; for a single time matplotlib chooses them."""
+    """Limit the time axis to the first and the last time [s]; for a single time matplotlib chooses the limits."""
     if len(times_s) > 1:
         ax.set_xlim(times_s[0], times_s[-1])
 
@@ -113,7 +113,7 @@ def span(ax: Axes, times_s: Floats) -> None:
 def legend_below(
     figure: Figure, of: Axes | Sequence[Axes], n_columns: int, more: Mapping[str, Artist] = MappingProxyType({})
 ) -> None:
-    """Draw the legend of some axes below the figure's axes, where it covers no data; more: added entries by label."""
+    """Draw the legend of the axes `of` below all plots, where it covers no data; more: further entries by label."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
     handles = [*(one for handles, _ in entries for one in handles), *more.values()]
     labels = [*(one for _, labels in entries for one in labels), *more]
@@ -121,7 +121,7 @@ def legend_below(
 
 
 def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
-    """The ellipse of this many standard deviations of a Gaussian in the plane; mean (2,), cov (2, 2)."""
+    """The ellipse of a Gaussian in the plane, mean (2,), cov (2, 2); sigmas: its semi-axes in standard deviations."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
     across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # a zero eigenvalue may be rounded below zero

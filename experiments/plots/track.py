@@ -1,6 +1,6 @@
 """The plots of a track: path of the target, error or motion over time, and consistency of the covariance.
 
-The body's size determines the limits of the axes (`series.py`). Estimates outside are marked at the edge and counted.
+The body's size limits the axes (`series.py`). Estimates outside the axes are marked at the edge and counted.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    path.png is always drawn. With truth there are error.png and sigma.png. Without truth there is motion.png; in space
-    it is part of path.png. If the filter used marks, there is consistency.png. If each mark was also predicted by a
-    filter that does not use it, there is withheld.png.
+    path.png is always drawn. If the truth is known, there are error.png and sigma.png; otherwise there is motion.png,
+    which in space is part of path.png. If the filter used marks, there is consistency.png. If the track has predictions
+    of withheld marks, there is withheld.png.
     vector: "pdf" or "svg" for a vector file of each plot; advance: called with the completed share
     """
     pictures: dict[str, Figure | None] = {"path": path_figure(done)}
@@ -50,7 +50,7 @@ def write_track_plots(
 
 @styled
 def error_figure(done: Track) -> Figure:
-    """Error on each axis over time, with its 1, 2 and 3-sigma bands."""
+    """Error on each axis over time, with bands of 1, 2 and 3 predicted standard deviations."""
     size = 1e3 * body_size(done)
     errors, papers = (means_mm(done, method) - 1e3 * done.truth for method in (FILTER, OPEN_LOOP))
     figure, axes = _an_axis_each(done)

@@ -32,10 +32,10 @@ FRAMES_PER_S = 30.0
 """Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Shortest and longest run of the filter with marks at rest [s]; the run ends when the covariance is steady."""
+"""The filter runs with marks at rest until its covariance is steady; shortest and longest duration of this run [s]."""
 
 SETTLED = 0.01
-"""Relative change of the target's variance in a quarter of a second up to which the variance counts as steady [1]."""
+"""The target's variance is steady if it changes by at most this relative amount in a quarter of a second [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,10 +46,10 @@ class SceneCheck:
     stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's integration [s]
     interval_s: frame interval [s]; seen: the measured marks in a frame at rest
     single: in space, nodes of the marks that only one camera sees
-    unfound: by node, the reason why its mark was not found; None if marks.csv has no row of the mark
+    unfound: for each node whose mark was not found, the reason; None if marks.csv has no row of the mark
     estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m: lower bound on the target's standard deviation on each axis for unbiased estimates, without pushes [m]
+    quiet_m: lower bound on the target's standard deviation per axis for unbiased estimates, if nothing pushes [m]
     pushed_m: this bound if all marked nodes are pushed as strongly as the scene's filter assumes [m]
     """
 
@@ -80,7 +80,7 @@ class SceneCheck:
 
     @property
     def mark_sd_m(self) -> float:
-        """Standard deviation of a mark on each axis, including the calibration's error [m].
+        """Standard deviation of a mark on each axis [m], including the error of the camera's calibration.
 
         Marks that only one camera in space sees are omitted. If there are no other marks, the result is the standard
         deviation perpendicular to the camera's ray.
@@ -91,7 +91,7 @@ class SceneCheck:
 
     @property
     def shares(self) -> Mapping[str, float]:
-        """Share of each mark in a frame's information on the target, largest first; they sum to 1."""
+        """Share of each mark in a frame's information on the target, largest first; the shares sum to 1."""
         found = self.estimate.information_share
         whole = sum(found.values()) or 1.0
         return {node: found[node] / whole for node in sorted(found, key=lambda node: -found[node])}
@@ -106,7 +106,8 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: frame rate, and standard deviation of marks; by default from the recording or the camera
+    frames_per_s: frame rate [1/s]; None: that of the recording, or the default `FRAMES_PER_S`
+    sd_mm: standard deviation of marks [mm]; None: from marks.csv or a picture, or the default `NEAR_SD_MM`
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -147,7 +148,7 @@ def checked(
 
 
 def per_axis(cov: Floats) -> float:
-    """Root mean square of a covariance's standard deviations along the axes [m]; cov: [m²], (dim, dim)."""
+    """Standard deviation per axis [m]: root of the mean variance of a covariance [m²], (dim, dim)."""
     return float(np.sqrt(np.trace(cov) / len(cov)))
 
 
@@ -161,9 +162,9 @@ def _interval_s(recording: Recording | None) -> float:
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
-    """Measured marks at rest with covariances, nodes that only one camera sees, and nodes whose mark was not found.
+    """Measured marks at rest, nodes whose mark only one camera sees, and, by node, why a mark was not found.
 
-    The covariance comes from sd_mm, from marks.csv or from a picture; by default it is that of `NEAR_SD_MM`.
+    The covariances come from `sd_mm`, marks.csv or a picture; by default the standard deviation is `NEAR_SD_MM`.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -190,7 +191,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """Result of a search for marks in each camera's first picture; without a recording, in synthetic pictures."""
+    """Result of the detection of marks in each camera's first picture; without a recording, in synthetic pictures."""
     scene, images = line.scene, {}
     x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
     if recording is not None:
@@ -205,7 +206,7 @@ def _step(line: Line, recording: Recording | None) -> Step:
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
-    """Shared error of a mark at a position due to the camera's calibration; None for an exact calibration."""
+    """Error of a mark at this position due to the camera's calibration; None if the calibration is exact."""
     if scene.space_cameras and scene.n_calibration:
         shifts = calibration_shifts(scene)(place[None])[0]
         return np.pad(shifts, ((0, 0), (0, scene.n_calibration - scene.n_pose - shifts.shape[1])))
@@ -214,7 +215,7 @@ def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
 
 
 def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-    """The reference marks at their stated positions, with the mean covariance of the tissue's marks in `seen`."""
+    """The reference marks at their stated positions; each has the mean covariance of the tissue's marks in `seen`."""
     cov = np.mean([mark.cov for mark in seen], axis=0)
     places = reference_places(scene.reference, scene.network)
     return tuple(MarkMeasurement(name, place, cov, _calibration_error(scene, place)) for name, place in places.items())
@@ -223,9 +224,9 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """For each node, the covariance [m²] of the row with the median sd; and the nodes without rows.
+    """Covariance of each node [m²], from its row with the median standard deviation; and the nodes without a row.
 
-    usual: the covariances that are returned if there are no rows
+    usual: covariances that are returned if no node has a row
     """
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
@@ -235,7 +236,7 @@ def _in_rows(
 def _after_rest(
     line: Line, seen: tuple[MarkMeasurement, ...], interval_s: float, advance: Callable[[float], None]
 ) -> TargetEstimate:
-    """The filter's steady estimate of the target with marks at rest."""
+    """The filter's estimate of the target after a run with marks at rest, when its covariance is steady."""
     recent = max(1, int(np.ceil(0.25 / interval_s)))
     n_least, n_most = (max(recent + 1, int(np.ceil(length / interval_s))) for length in (SETTLING_S, LONGEST_S))
     variances: list[float] = []

@@ -51,8 +51,8 @@ N_MARKS = 40
 """Default number of marks of a project."""
 
 FEW, MANY = 10, 80
-"""Number of marks below which the target is poorly determined, and above which an estimate is too slow; choice: in a
-breast of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10. A frame takes 40 ms with 80 marks."""
+"""Fewer marks than `FEW` determine the target poorly, more than `MANY` make an estimate too slow; choice: in a breast
+of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10. A frame takes 40 ms with 80 marks."""
 
 WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 """Forms of `--fixed`, for messages."""
@@ -63,16 +63,16 @@ NEAR = 0.05
 """Largest distance by which a mark is moved onto the surface, relative to the body's extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Least sum of the free nodes' interpolation weights at a target [1]: with less, the target cannot move; numerical."""
+"""Least sum of the free nodes' interpolation weights at a target [1]: below, fixed nodes hold the target; numerical."""
 
 N_DRAWS = 100
-"""Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
+"""Largest number of random positions that are tried until the simulated lesion is inside the body; choice."""
 
 FINEST = 7
 """Decimals of the positions in a new project [m]: 0.1 µm."""
 
 SHALLOWEST_MM = 0.01
-"""Least depth of a target below the surface [mm]: nearer targets have no direction to the skin."""
+"""Least depth of a target below the surface [mm]: on the surface, the direction from target to skin is not defined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
     marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
-    driven: whether the fixed nodes, the wall, move
+    driven: whether the wall, which consists of the fixed nodes, moves
     """
 
     path: Path
@@ -140,7 +140,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
 
 
 def _check_words(of: MeshChoice, young_pa: float | None) -> None:
-    """Raise InputError for options that are invalid for every body; warn of too few or too many marks."""
+    """Before the body is read, raise InputError for invalid options; warn of too few or too many marks."""
     check_tissues(of.field, of.regions, young_pa)
     fixed = (of.fixed or "").strip()
     if of.fixed is not None and not (PLANE.fullmatch(fixed) or REGION.fullmatch(fixed) or _label_of(fixed)):
@@ -158,9 +158,9 @@ def _check_words(of: MeshChoice, young_pa: float | None) -> None:
 
 
 def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
-    """Before elements are made, raise InputError for options that do not fit a body with positions [m], (n, 3).
+    """Raise InputError for options that do not fit a body whose nodes have these positions [m], (n, 3).
 
-    body: the body in the file, None for a surface
+    body: the body in the file; None if the file has only a surface, whose elements are made later
     """
     if of.fixed is None:
         raise InputError.at("--fixed", f"the fixed nodes, {WALL_FORMS}", f"none; {extents(places)}")
@@ -188,13 +188,13 @@ def _outside(of: MeshChoice, places: Floats) -> InputError:
 
 
 def _label_of(fixed: str) -> str:
-    """The label in `faces LABEL`, or `faces FIELD=LABEL`; empty for other forms."""
+    """The text after "faces" in the option `--fixed`, LABEL or FIELD=LABEL; empty if the option has another form."""
     what, _, label = fixed.strip().partition(" ")
     return label.strip() if what == "faces" else ""
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """Nodes of the faces with the label in `fixed`, None without a label; InputError if it is unknown or ambiguous."""
+    """Nodes of the faces with the label in `fixed`, None without one; InputError for an unknown or ambiguous label."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -210,7 +210,7 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
 
 
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The fixed nodes, and the value of the scene's key `fixed`; raises InputError if none or all nodes are fixed."""
+    """The fixed nodes, and the text for the scene's key `fixed`; raises InputError if none or all nodes are fixed."""
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
@@ -278,7 +278,7 @@ def _place(text: str) -> Floats:
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
     """Position of the target [m], (3,): from the option, or the centre of the element nearest to the body's centre.
 
-    anchored: fixed nodes; raises InputError for a target that cannot move because of these nodes
+    anchored: fixed nodes; raises InputError if they hold the target
     """
     if of.target_mm is None:
         centres = mesh.nodes[mesh.elements].mean(axis=1)
@@ -299,7 +299,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """Random position of the simulated lesion [m], (3,), with the sd `target_sd_mm` on each axis, in movable tissue."""
+    """Random position of the simulated lesion [m], (3,), in movable tissue; its sd on each axis is `target_sd_mm`."""
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):
@@ -309,13 +309,13 @@ def _drawn(
 
 
 def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:
-    """Sum of the free nodes' interpolation weights at a position [m], (3,); MeshError outside the body."""
+    """Sum of the weights by which free nodes interpolate a position [m], (3,). Raises MeshError outside the body."""
     element, weights = locate(mesh, place[None])
     return float(weights[~np.isin(mesh.elements[element], anchored)].sum())
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:
-    """The scene of a mesh: marks on its surface, and on the target a mark that the filter does not use."""
+    """The scene of a mesh, with marks on its surface, and a mark on the target that the filter does not use."""
     with placed(of.path, SceneError):
         mesh, network = mesh_network(content, of.path, table)
     places = np.array([*marks.values()])

@@ -1,4 +1,4 @@
-"""Spring meshes of a user: `nodes.csv`, and optionally `springs.csv` instead of springs by triangulation.
+"""Spring meshes of a user: `nodes.csv`, and optionally `springs.csv`; without it, a triangulation gives the springs.
 
 nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or empty
 springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
@@ -23,12 +23,12 @@ YES = ("yes", "")
 """Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]: the diameter of marks, a sixth of the shortest spring, is written to 0.1 mm. Shorter
-springs are usually due to lengths in metres."""
+"""Shortest permitted spring [m]. A mark's diameter, a sixth of it, is rounded to 0.1 mm and must not become 0.
+Shorter springs are usually due to lengths in metres."""
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom, dict[str, float]]:
-    """The body in these files, and the stated hues of marks by node [degrees]. Raises InputError.
+    """The body in these files, and the hues of marks that the files state, by node [degrees]. Raises InputError.
 
     Stiffnesses follow from `young` [Pa] unless the files state them.
     """
@@ -102,7 +102,7 @@ def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], positions: Floats) -> str:
-    """The target node of the file, or the free node nearest to the centre of all nodes."""
+    """The target node that the file states; by default, the free node nearest to the centre of all free nodes."""
     if target.sum() > 1:
         raise InputError.at(table.place(int(np.flatnonzero(target)[1]), "target"), "one target", "a second one")
     free = np.flatnonzero(~fixed)
@@ -116,7 +116,7 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
 
 
 def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
-    """Free nodes at corners of the convex hull; if there are none, all free nodes except the target."""
+    """Free nodes at corners of the convex hull, or, if there are none, all free nodes; always without the target."""
     free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
     corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
     return [name for name in free if name in corners] or free

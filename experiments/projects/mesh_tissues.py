@@ -17,7 +17,7 @@ from experiments.formats.mesh.body import Body
 
 CLASSES = 4
 """Number of tissues that approximate all mixtures of fat and glandular tissue in a mesh; choice: identification
-estimates the stiffness of each, and marks on the surface determine only a few."""
+estimates the stiffness of each tissue, but marks on the surface determine only a few stiffnesses."""
 
 GROUPS = "gmsh:physical"
 """Name of the field that has Gmsh's labels."""
@@ -39,7 +39,7 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """Assign the tissues of a body; the options have passed `check_tissues`. Raises InputError.
 
-    regions: LABEL=TISSUE for each label of the field; if there are none, the field is the share of glandular tissue
+    regions: LABEL=TISSUE for each label of the field; if empty, the field is the share of glandular tissue
     young_pa: Young's modulus of a body of one tissue [Pa]
     """
     if regions or field is not None:
@@ -75,7 +75,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and glandular tissue, from a field of glandular shares; their constants are interpolated."""
+    """Mixtures of fat and glandular tissue, from a field of glandular shares; mixtures have interpolated constants."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)

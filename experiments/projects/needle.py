@@ -12,21 +12,21 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle displaces; numerical: the last moves the aim by < 10
-µm."""
+"""Number of iterations for the aim at a target that the needle displaces; numerical: the last one moves the aim by
+less than 10 µm."""
 
 N_ENTRIES = 200
-"""Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
+"""Number of possible entries whose errors are compared; choice: about 15 mm apart on a breast's skin."""
 
 THROUGH = np.linspace(0.1, 1.0, 10)
-"""Positions on the path, from the entry (0) to the target (1), where tissue is required [1]."""
+"""Points of the path that must lie in tissue, as fractions of the way from the entry to the target [1]."""
 
 BEFORE = np.linspace(0.02, 1.0, 25)
-"""Distances before the entry, relative to the body's extent, at which there must be no tissue [1]."""
+"""Distances before the entry at which the needle must be outside the tissue, relative to the body's extent [1]."""
 
 
 def aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Unit vector from an entry to the target displaced by the needle, (dim,), and the target's shift [m], (dim,).
+    """Unit vector from the entry to the target as displaced by the needle, (dim,), and this displacement [m], (dim,).
 
     start, entry: positions of the target at rest and of the entry [m], (dim,)
     """
@@ -45,11 +45,12 @@ def surest_entry(
     nearest: Floats,
     wall: NDArray[np.int64],
 ) -> tuple[Floats, Floats]:
-    """The entry [m], (3,), where push and bending cause the least error of the tip; and the needle's direction, (3,).
+    """The entry with the least error of the tip [m], (3,), and the needle's direction, (3,).
 
-    Entries on the side of the wall are excluded, because the rest of the patient's body is there.
-    faces: free surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
-    wall: fixed nodes, (k,)
+    The error is due to the needle's push on the target and to its bending. Entries on the side of the wall are
+    excluded, because the rest of the patient's body is there.
+    faces: free surface, (k, 3); wall: fixed nodes, (n_fixed,)
+    nearest: the surface's point nearest to the target [m], (3,), which is returned if no entry is possible
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
     push = NeedlePush(network, target, forces)

@@ -23,16 +23,16 @@ MOVED_M = 0.01
 """Displacement of a mesh's target by breathing [m]."""
 
 POKED_M = 0.02
-"""Displacement of a mesh's softest mark if the strongest poke acted as a constant force [m]; choice: as by a probe."""
+"""Static displacement of a mesh's softest mark by the force of the strongest poke [m]; choice: as by a probe."""
 
 WAVE = 2.5
-"""Ratio of a breath's range to the amplitude of its first harmonic [1]; 2 to 3, depending on the harmonics' phases."""
+"""Ratio of a breath's range to the amplitude of its first harmonic [1]: 2 to 3, depending on the harmonics' phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
 """Acceleration by the strongest poke, by dimension [m/s²]; choice: 15 m/s² is 0.6 N on a mass of 40 g."""
 
 HORIZON_S = 1.0
-"""Time ahead within which a better time to start is sought [s]: five periods of a breast's oscillation."""
+"""Time from now within which advice looks for the best time to start [s]: five periods of a breast's oscillation."""
 
 SPEED_MM_S = 100.0
 
@@ -163,7 +163,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _soft_poke_m_s2(scene: Scene) -> float:
-    """Acceleration of the strongest poke [m/s²]: if constant, it would move a mesh's softest mark by `POKED_M`."""
+    """Acceleration of the strongest poke [m/s²]; as a constant it would move a mesh's softest mark by `POKED_M`."""
     network = scene.network
     compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
     own = [network.coordinates(node) for node in scene.measured_nodes]
@@ -172,7 +172,7 @@ def _soft_poke_m_s2(scene: Scene) -> float:
 
 
 def _breath(of: Template) -> tuple[str, ...]:
-    """Lines of a scenario with breathing forces that move the target by `MOVED_M` in the most compliant direction."""
+    """Lines of a scenario: breathing that moves the target by `MOVED_M` in the direction in which it yields most."""
     network = of.assumed.network
     moved = network.continuum.accelerated[network.coordinates(of.assumed.target.node)]  # type: ignore[union-attr]
     _, sizes, right = np.linalg.svd(moved)
@@ -236,7 +236,7 @@ def steps_page(of: Template) -> str:
 
 
 def _of_mesh(text: str) -> str:
-    """Text of STEPS.md for a mesh. It lacks the step that finds the rest shape, because a mesh is drawn at rest."""
+    """Text of STEPS.md for a mesh: without the step that finds the rest shape, because a mesh is drawn at rest."""
     head, _, tail = text.partition("## 3. ")
     words = {
         TRUTH_OF_SPRINGS: TRUTH_OF_MESH,

@@ -1,4 +1,4 @@
-"""New projects: a template of the chosen kind, and its files; this is what `softaim new` does."""
+"""New projects, as by `softaim new`: the template of the chosen kind, and the project's files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Directions from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
-"""Durations of the recordings [s]. The last has five breaths; the breathing model predicts after two."""
+"""Durations of the recordings [s]: at rest, for calibration, for scoring without and with breathing. The last has five
+breaths; the breathing model predicts after two."""
 
 
 class Kind(StrEnum):
@@ -47,7 +48,7 @@ def project(
     """The template of a project of this kind; raises InputError for options that belong to another kind.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
-    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: seed of the true constants
+    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: of the simulated tissue
     """
     belongs = {
         "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),
@@ -79,7 +80,7 @@ def project(
 
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
-    """Write the files of a project to an existing folder; the project's recordings use the three seeds after `seed`."""
+    """Write the files of a project to an existing folder. Its recordings use the seeds `seed + 1` to `seed + 3`."""
     scenes = {
         "scene.toml": (of.assumed, f"{of.title}: the assumptions.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),

@@ -25,10 +25,10 @@ N_LOWEST = 3
 """Number of frequencies that are listed, lowest first."""
 
 SURE = 0.9
-"""Hit probability of the best aim below which there is a warning [1]; it equals the default threshold of GO."""
+"""Least hit probability of the best aim without a warning [1]; it equals the default threshold of the advice GO."""
 
 SURER = 0.95
-"""Least ratio of the filter's sigma at rest to the lower bound of sigma [1]; a smaller ratio gives a warning."""
+"""Least ratio of the target's sd by the filter at rest to the bound `quiet_m` [1]; a smaller ratio gives a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +246,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _view(done: SceneCheck) -> str:
-    """Text on the area that a flat scene's camera sees, if marks are outside of its picture; otherwise empty."""
+    """If marks are outside a flat scene's picture, text on the area that the camera sees; otherwise empty."""
     outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
     view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
     if view is None:
@@ -256,7 +256,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """Text on the first mark that was lost for the most frequent reason; and what the user should check."""
+    """Text on the first mark that was not found for the most frequent reason, and on what the user should check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]
@@ -284,7 +284,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Hit probability of the best aim, if the target's standard deviation equals its lower bound `quiet_m`."""
+    """Hit probability of an aim at the target's mean, if the target's sd on each axis is the lower bound `quiet_m`."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -304,7 +304,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """If a node's position at rest is farther than this from its position in the scene [m], the report states it."""
+    """Distance of a node at rest from its position in the scene above which the report states this distance [m]."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

@@ -32,7 +32,7 @@ from experiments.projects.needle import aimed
 from vision import PlaneCamera, fronto_parallel_camera
 
 HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
-"""Hues of the marks in turn [degrees]: a sixth of the circle apart."""
+"""Hues that successive marks get in turn [degrees]: a sixth of the circle apart."""
 
 MARK_SIZE = 1.0 / 6.0
 """Diameter of a mark, relative to the shortest spring."""
@@ -41,22 +41,22 @@ RADIUS_MM = 5.0
 """Radius of the target [mm]."""
 
 LEAST_REACH_MM = 20.0
-"""Least distance of the needle's entry from the target [mm], because a target may lie on the outline of the nodes."""
+"""Least distance of the needle's entry from the target [mm], also for a target on the outline of the nodes."""
 
 SIZE_PX, ROOM = (640, 480), 1.6
-"""Size of the picture [px], and ratio of the visible plane's size to the body's [1]."""
+"""Size of the picture [px]; least ratio of the size of the visible part of the plane to the body's size [1]."""
 
 FINEST_MM = 0.01
-"""Step to which the size of a camera's pixel on the plane is rounded, and least such size [mm]."""
+"""Size of a camera's pixel on the plane [mm]: step of rounding, and least size."""
 
 CALIBRATION_SD_PX = 0.68
-"""Standard deviation of marks in films of scenarios with the light `paper` [px]."""
+"""Standard deviation of a mark's position in simulated films with the light `paper` [px]."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
-"""Relative sd of random factors on the simulated tissue's constants: one factor is common to all springs of a group."""
+"""Relative sd of random factors on the simulated tissue's constants; all springs of a group have the same factor."""
 
 OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
-"""Relative sd of additional random factors: each constant of each spring and node has its own factor."""
+"""Relative sd of a second random factor on each constant; each spring and each node has its own factor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Template:
     assumed: the user's scene, which the filter assumes; its positions are those at rest
     truth: the scene of the simulated tissue at rest; only its constants and positions differ from `assumed`
     entry_m: where the needle enters the tissue [m], (dim,)
-    direction: unit vector from the entry to the position to which the needle displaces the target, (dim,)
+    direction: unit vector from the entry to the target as displaced by the needle, (dim,)
     """
 
     title: str
@@ -82,7 +82,7 @@ class Template:
 
 
 def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
-    """The project of a phantom; raises InputError if the simulated tissue would not hold its shape.
+    """The project of a phantom; raises InputError if the simulated tissue has no stable shape at rest.
 
     hues: stated hues of marks by node [degrees]; way: direction from the target to the needle's entry, (dim,)
     """
@@ -102,9 +102,9 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
-    """The scene of a phantom; each free node has a mark. The filter does not use marks inside the phantom.
+    """The scene of a phantom, with a mark on each free node. The filter does not use marks inside the phantom.
 
-    If the phantom is flat, the scene has a camera.
+    The scene of a flat phantom has a camera.
     """
     network = phantom.network
     shortest_m = spring_lengths(network.positions, network.springs).min()
@@ -125,7 +125,7 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
 
 
 def _camera(positions: Floats) -> PlaneCamera:
-    """A camera perpendicular to the plane, with room for motion around the body."""
+    """A camera perpendicular to the plane; its picture has room for motion around the body."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)
@@ -136,7 +136,7 @@ def _camera(positions: Floats) -> PlaneCamera:
 
 
 def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:
-    """By kind, logarithms of random factors on the simulated tissue's constants, (n_springs,) or (n_nodes,)."""
+    """Random factors on the simulated tissue's constants: their logarithms by kind, (n_springs,) or (n_nodes,)."""
     names = sorted(set(phantom.groups))
     group = np.array([names.index(one) for one in phantom.groups])
     factors = {}

@@ -1,4 +1,4 @@
-"""Commands of clients to a running loop, checked before they are passed on; error messages have one line."""
+"""Commands of clients to a running loop; an invalid command raises an error whose message is one line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 LONGEST_M = 10.0
-"""Largest distance of a position from the origin [m]: a larger one is an error of the client; choice."""
+"""Largest absolute value of a position's coordinate [m]: a larger one is an error of the client; choice."""
 
 Coordinate = Annotated[float, Field(ge=-1e3 * LONGEST_M, le=1e3 * LONGEST_M)]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
@@ -19,7 +19,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Pause or resume the use and recording of frames; during a pause the target is predicted, without advice."""
+    """Pause or resume the use and recording of frames; during a pause the target is predicted, but without advice."""
 
     command: Literal["pause"]
     on: bool
@@ -48,7 +48,7 @@ class Fix(_Command):
 
 
 class Hue(_Command):
-    """Set the colour of a mark to the colour at this position in the picture [px]."""
+    """Set the colour of a mark to the colour of the picture at a position [px]."""
 
     command: Literal["hue"]
     node: Annotated[str, Field(max_length=200)]
@@ -77,7 +77,7 @@ _ADAPTER: TypeAdapter[Command] = TypeAdapter(Command)
 
 
 def read_command(found: Any) -> Command:
-    """Read a command from a decoded JSON object or its text. If it is invalid, raises ValueError in one line."""
+    """Read a command from a JSON object, decoded or as text; raises ValueError with a message of one line."""
     try:
         return _ADAPTER.validate_json(found) if isinstance(found, str | bytes) else _ADAPTER.validate_python(found)
     except ValidationError as error:
@@ -87,7 +87,7 @@ def read_command(found: Any) -> Command:
 
 
 def is_needle(found: Any) -> bool:
-    """Whether a decoded JSON object, or its text, is a needle command, valid or not."""
+    """Whether a JSON object, decoded or as text, is a needle command, valid or not."""
     if isinstance(found, str | bytes):
         try:
             found = json.loads(found)

@@ -15,7 +15,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A published state of the run as JSON; its number, from 1; and, if clients request it, a picture as JPEG."""
+    """A state of the run: its number, from 1; its JSON text; if any client requests pictures, a picture as JPEG."""
 
     number: int
     text: bytes
@@ -23,7 +23,7 @@ class Moment:
 
 
 class Feed:
-    """Newest state of a live run, and the channel for commands to it.
+    """Newest state of a live run, and a channel for commands to the run.
 
     send: passes a command to the loop without waiting; the loop may refuse the command
     scene: the message with all constant values, sent to viewers first

@@ -1,6 +1,6 @@
 """The loop's side of the servers: it sends the newest state to the serving process, and receives requests.
 
-The loop does not wait: one thread sends the newest state as soon as the serving process has received the last state,
+The loop does not wait: one thread sends the newest state as soon as the serving process has received the previous one,
 and another thread receives requests. If the process ends or hangs, the loop continues.
 """
 
@@ -68,19 +68,19 @@ class Link:
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
-        """Send the scene's message; clients are served from now on."""
+        """Send the scene message, which comes before all states; from then on clients are served."""
         with self._changed:
             self._scene = scene
             self._changed.notify_all()
 
     def tell(self) -> None:
-        """Print the servers' addresses at the first call."""
+        """Print the servers' addresses once; later calls print nothing."""
         for line in self._notices:
             SHOWN.say(line)
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace the state that waits to be sent; message: makes the state's message, in another thread."""
+        """Replace the state that waits to be sent; message: function that makes its message in another thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()

@@ -40,7 +40,7 @@ def scene_message(
 ) -> dict[str, Any]:
     """The first message for viewers.
 
-    picture_px: width and height of the picture to which pixels in states refer; None in space without a picture
+    picture_px: width and height of the picture to whose pixels states refer; None for a scene in space
     """
     network, surface = scene.network, None
     if network.dim == 3:
@@ -83,9 +83,10 @@ def state_message(
 ) -> dict[str, Any]:
     """The message with one state of the run.
 
-    utc_s: the time of the estimate, in seconds since 1970 UTC; memory_mb: memory of the process
-    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); paused: whether the run is paused
+    utc_s: time of the estimate, in seconds since 1970 UTC; memory_mb: memory of the process
+    overlay: annotation of the picture; nodes_m: positions of all nodes [m], (n, dim)
     events: the last events, {"utc_s", "text"}; recording: {"folder", "frames"} while a recording is written
+    paused: whether the run is paused
     """
     estimate, guidance = shown.estimate, shown.guidance
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
@@ -154,7 +155,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
-    """Annotation in pixels of the picture; an ellipse has a centre and two semi-axes as vectors."""
+    """The annotation in pixels of the picture; an ellipse is stated by its two semi-axes, which are vectors."""
     needle = overlay.needle
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],

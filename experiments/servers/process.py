@@ -18,7 +18,7 @@ LONGEST = 64 * 1024 * 1024
 
 
 def serve(connection: Connection, faces: Faces) -> None:
-    """Serve until the loop ends or its process is gone."""
+    """Serve clients until the run's loop ends, or until the process of the loop is gone."""
     begin_helper()
     asyncio.run(_Served(connection, faces).run())
 

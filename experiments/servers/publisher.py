@@ -1,4 +1,4 @@
-"""Publishes the state of a live run to viewers and handles their requests: an `Attendant`."""
+"""An `Attendant` of a live run: it publishes the state to viewers, and handles their requests."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LAST_EVENTS = 8
 """Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""Time without a frame after which the addresses are printed [s]; choice: a wrong source reports its error earlier."""
+"""The servers' addresses are printed after this time even without a frame [s]; choice: a wrong source fails earlier."""
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
@@ -77,7 +77,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate; if `frame` is None, report that there is no frame."""
+        """Show a frame for which there is no estimate yet; `frame` is None if there is no frame either."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         at_s = time.monotonic() if frame is None else frame.exposure_s
@@ -112,7 +112,7 @@ class Shows:
         self.link.publish(message, image)
 
     def attend(self, control: Control) -> None:
-        """Handle the requests since the last cycle of the loop, and report failed requests.
+        """Handle the requests since the previous cycle of the loop, and report failed requests.
 
         It returns after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
         """
@@ -135,7 +135,7 @@ class Shows:
         self._paused = control.session.paused
 
     def __enter__(self) -> Self:
-        """Begin to store events, until the context ends."""
+        """Store events from now until the context ends."""
         LOG.addHandler(self._events)
         return self
 
@@ -144,7 +144,7 @@ class Shows:
 
 
 def do(command: Command, control: Control) -> None:
-    """Handle a client's request. Raises ValueError or InputError if it fails."""
+    """Handle a client's request. If the request fails, raises ValueError or InputError."""
     match command:
         case Pause():
             control.session.pause(command.on)

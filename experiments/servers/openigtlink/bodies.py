@@ -1,4 +1,4 @@
-"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], by type."""
+"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], by message type."""
 
 from __future__ import annotations
 

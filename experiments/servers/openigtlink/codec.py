@@ -27,7 +27,7 @@ TICKS = 2.0**32
 POLYNOMIAL = 0x42F0E1EBA9EA3693
 """Polynomial of ECMA-182, annex B, without its leading term."""
 BLOCK = 256
-"""Number of bytes that are looked up at once; the table then has half a megabyte."""
+"""Number of bytes of a block, which are looked up together; the table then has half a megabyte."""
 
 
 class MalformedError(ValueError):
@@ -39,7 +39,7 @@ class Message:
     """A message, with its content as bytes. Raises ValueError for values that the header cannot hold.
 
     utc_s: seconds since 1970 UTC, 0 for none
-    metadata, number: texts by key, and the message's identifier; absent before version 2 of the protocol
+    metadata: texts by key; number: the message's identifier; version 1 of the protocol has neither
     """
 
     type: str
@@ -95,7 +95,7 @@ def decode_header(found: bytes) -> Header:
 
 
 def decode(header: Header, body: bytes) -> Message:
-    """The message with this header and body; MalformedError if they do not fit together."""
+    """The message with this header and body; MalformedError if size, checksum or metadata of the body are wrong."""
     if len(body) != header.size:
         raise MalformedError(f"body: expected {header.size} bytes, found {len(body)}")
     if crc64(body) != header.crc:
@@ -113,7 +113,7 @@ def decode(header: Header, body: bytes) -> Message:
 
 
 def _metadata(index: bytes, texts: bytes) -> dict[str, str]:
-    """Keys and values of metadata; those in character sets other than ASCII and UTF-8 are ignored."""
+    """Keys and values of metadata; values in character sets other than ASCII and UTF-8 are omitted with their keys."""
     if not index and not texts:
         return {}
     count = INDEX.unpack_from(index)[0] if len(index) >= INDEX.size else -1
@@ -146,7 +146,7 @@ def utf8(text: bytes) -> str:
 
 
 def _table() -> NDArray[np.uint64]:
-    """Contribution of a byte to the checksum, by the number of bytes that follow it and by its value, (BLOCK, 256)."""
+    """Table (BLOCK, 256) of a byte's contribution to the checksum, by the number of bytes after it and by its value."""
     last = np.arange(256, dtype=np.uint64) << np.uint64(56)
     for _bit in range(8):
         last = (last << np.uint64(1)) ^ np.where(last >> np.uint64(63), np.uint64(POLYNOMIAL), np.uint64(0))
@@ -159,13 +159,13 @@ def _table() -> NDArray[np.uint64]:
 _TABLE = _table()
 _AFTER = np.arange(BLOCK - 1, -1, -1)
 _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
-"""Contributions of a block's first eight bytes; the checksum so far is added to these bytes."""
+"""Contributions of a block's first eight bytes; before the look-up, the checksum so far is added to these bytes."""
 
 
 def crc64(body: bytes) -> int:
-    """The checksum of a body: CRC-64 of ECMA-182, most significant bit first, initially 0, without final XOR.
+    """The checksum of a body: CRC-64 of ECMA-182, most significant bit first, initial value 0, without final XOR.
 
-    Blocks are padded with leading zeros, which do not change the checksum.
+    Leading zeros fill up the first block; they do not change the checksum.
     """
     blocks = np.frombuffer(bytes(-len(body) % BLOCK) + body, dtype=np.uint8).reshape(-1, BLOCK)
     crc = 0

@@ -14,10 +14,10 @@ from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""Largest deviation of the axes' scalar products from those of a rotation; choice: tracked poses deviate less."""
+"""Largest deviation of `R.T @ R` from the identity for a valid rotation R [1]; choice: tracked poses deviate less."""
 IN_PLANE = 0.5
-"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: 60 degrees to the
-plane."""
+"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: at most 60 degrees from
+the plane."""
 MOST_POINTS = 100
 """Largest number of points in a message; choice: more would delay other clients."""
 
@@ -25,7 +25,7 @@ Command = dict[str, Any]
 
 
 class RefusedError(ValueError):
-    """Error for a well-formed message whose request is impossible; instead: the commands that replace the request."""
+    """Error for a well-formed message whose request is impossible; `instead`: commands that replace the request."""
 
     def __init__(self, text: str, *instead: Command) -> None:
         super().__init__(text)
@@ -35,7 +35,7 @@ class RefusedError(ValueError):
 class Incoming:
     """Converter of one client's messages into checked commands.
 
-    dim: dimension of the tissue; in the plane z is dropped; sends_needle: whether the client has sent a needle
+    dim: dimension of the tissue; for flat tissue z is ignored; sends_needle: whether the client has sent a needle
     Some programs send all points again when the user adds one. Therefore a point becomes a direct measurement of the
     target (fix) only if it was not in the client's last POINT message.
     """

@@ -29,14 +29,14 @@ from experiments.servers.openigtlink.codec import Message, encode
 
 TARGET, NEEDLE, SPREAD = "TargetToReference", "NeedleTipToReference", "SpreadToReference"
 SPHERE, HEALTH, DETAILS, REPLY = "Spread", "Softaim", "SoftaimState", "SoftaimReply"
-"""Device names of the sphere, STATUS, STRING and answers; names are unique, because some programs store one message per
-name."""
+"""Device names of the unit sphere, STATUS, STRING and answers; names are unique: some programs store one message
+per name."""
 WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
-"""Root of the 95 % quantile of chi-square, 2 and 3 degrees of freedom: semi-axes in standard deviations."""
+"""Semi-axes of a 95 % ellipse or ellipsoid in standard deviations, by dimension: root of chi-square's 95 % quantile."""
 FLAT_MM = 0.5
 """Half the thickness of the ellipsoid for flat tissue [mm]; choice: visible from the side."""
 LONGEST_TEXT = 500
-"""Largest number of letters of a reason or a fault; a STRING has room for 65535 bytes."""
+"""Largest number of letters of a reason for advice or of a fault; a STRING has room for 65535 bytes."""
 
 
 class TransformStatus(StrEnum):
@@ -65,7 +65,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of a state as bytes: `common` for all clients, `needle` for the clients that do not send the needle."""
+    """Messages of a state as bytes: `common` for all clients, `needle` only for clients that do not send a needle."""
 
     common: bytes
     needle: bytes = b""
@@ -97,7 +97,7 @@ def status_message(device: str, status: StatusBody, utc_s: float) -> bytes:
 
 
 def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
-    """Validity of the transforms of a state; None if no transform is sent, because the target is lost."""
+    """Validity of a state's transforms. If the target is lost, no transform is sent, and the result is None."""
     status = Status(state["status"])
     if status is Status.LOST:
         return None
@@ -107,7 +107,7 @@ def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
 
 
 def status_of(state: Mapping[str, Any]) -> StatusBody:
-    """The STATUS of a state: its fault if there is one, otherwise a pause, otherwise the estimate's status."""
+    """The STATUS of a state: its fault; without a fault, a pause; without both, the status of the estimate."""
     if state["fault"] is not None:
         return StatusBody(Code.UNKNOWN_ERROR, "FAULT", _short(state["fault"]))
     if state["paused"]:
@@ -126,7 +126,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
     """Content of the STRING: status, covariance, hit probability and advice.
 
-    If the transforms are not valid, the advice GO is omitted.
+    If the state's transforms are invalid or are not sent, the advice GO is omitted.
     """
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
@@ -149,7 +149,7 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
     """Right-handed matrix (4, 4) that maps the unit sphere to the 95 % ellipsoid; None if there is no covariance.
 
-    For flat tissue the ellipsoid has the 95 % ellipse as its section with the plane, and the half thickness FLAT_MM.
+    For flat tissue the ellipsoid meets the plane in the 95 % ellipse, and has the half thickness FLAT_MM.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -168,8 +168,8 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
     """Matrix (4, 4) of a frame with origin in the needle's tip and +z along the insertion; None if there is no needle.
 
-    The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; it is chosen as
-    in [duff2017], section 3.
+    The shaft lies along -z, as in SlicerIGT's calibrations of needles. The rotation about the needle is unknown; the
+    matrix has the rotation that [duff2017], section 3, chooses.
     """
     needle = state["needle"]
     if needle is None or needle["tip_mm"] is None:

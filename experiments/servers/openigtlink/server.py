@@ -36,7 +36,7 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: largest number of clients at a time; a further client gets BUSY and is dropped; a requirement
+    clients: largest number of clients at a time; a further client gets the status BUSY and is dropped; a requirement
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time after which a client that receives nothing is dropped [s]; choice
     kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: it has room for ten states of
@@ -161,7 +161,7 @@ class _Server:
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """Log why a client was dropped, unless it left; of all dropped clients log the 1st, 2nd, 4th, 8th and so on."""
+        """Log why a client was dropped, unless it left; log only the 1st, 2nd, 4th, 8th and so on dropped client."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1
@@ -199,7 +199,7 @@ def _name(writer: asyncio.StreamWriter) -> str:
 
 
 def _is_local(writer: asyncio.StreamWriter) -> bool:
-    """Whether the other end is on loopback."""
+    """Whether the client is on this machine."""
     try:
         address = ipaddress.ip_address(_name(writer).partition("%")[0])
     except ValueError:

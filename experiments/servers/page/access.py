@@ -1,4 +1,4 @@
-"""Access rights: a token, and exact Host and Origin headers against foreign pages and DNS rebinding.
+"""Access rights: a token, and checks of the headers Host and Origin against pages of other sites and DNS rebinding.
 
 `Guard` wraps the application, so that refused requests do not reach it.
 """
@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""Prefix of the subprotocol with the token. A client sends it besides PROTOCOL: browsers cannot set other headers."""
+"""Prefix of the token, which a client sends as a subprotocol besides `PROTOCOL`: browsers cannot set other headers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Access:
     """Access rules for clients.
 
     hosts: allowed values of Host, `address:port`, in lower case
-    token: secret that clients need to write, and to read unless read_open
+    token: secret that clients need to write, and, if `read_open` is false, also to read
     """
 
     hosts: frozenset[str]
@@ -31,7 +31,7 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request has exactly one known Host, and either no Origin or the Origin of this page."""
+        """Whether a request has exactly one Host, which is allowed, and either no Origin or that of this page."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False
@@ -39,7 +39,7 @@ class Access:
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
     def grant(self, subprotocols: Iterable[str]) -> tuple[bool, bool]:
-        """Whether a client may read, and whether it may write, by the subprotocols that it offers."""
+        """Whether a client may read, and whether it may write; one of the subprotocols that it offers has the token."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return self.read_open, False
@@ -49,9 +49,9 @@ class Access:
 
 
 class Guard:
-    """Wraps an application; refuses foreign hosts and origins, methods except GET and HEAD, and requests with a body.
+    """Wraps an application; refuses wrong hosts and origins, methods except GET and HEAD, and requests with a body.
 
-    Every answer gets headers that forbid framing, caching, sniffing and loading from elsewhere.
+    Every answer gets headers that forbid framing, caching, sniffing of content types, and content from other hosts.
     """
 
     def __init__(self, app: ASGIApp, access: Access) -> None:

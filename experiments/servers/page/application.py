@@ -30,7 +30,7 @@ def application(feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool
     """The page at `/`, its files beside it, and the stream at `/stream`.
 
     hosts: exact names of the server, `address:port`; requests for other names are refused
-    token: secret that clients need to write, and to read unless read_open
+    token: secret that clients need to write, and, if `read_open` is false, also to read
     """
     access = Access(frozenset(host.lower() for host in hosts), token, read_open)
     # all files are in memory, so that paths in requests never reach the disk

@@ -19,17 +19,17 @@ MOST_CONNECTIONS = 64
 REQUESTS_S = 20.0
 """Longest duration of a connection that is not a WebSocket [s]; choice: fetching a page takes less."""
 CLOSING_S = 2.0
-"""Time for a client to receive remaining data when its connection ends [s]; choice."""
+"""Longest duration of a WebSocket's opening and of its closing [s]; choice."""
 MOST_UNSENT = 8 * 2**20
 """Largest number of bytes waiting for a client that sends but does not read; choice: more than the largest picture."""
 MOST_HEAD = 16_384
 """Largest number of bytes of a request's line and headers; choice: the page itself sends 1000 bytes."""
 MOST_PIECES = 256
-"""Largest number of WebSocket frames in one message; choice. Empty frames would pass a limit on size."""
+"""Largest number of WebSocket frames in one message; choice. A limit on the size would not stop empty frames."""
 
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")
-"""End of a request's head, as in h11."""
+"""Pattern of the end of a request's head, the same as in h11."""
 
 
 class BoundedHttp(H11Protocol):
@@ -38,7 +38,7 @@ class BoundedHttp(H11Protocol):
     _end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Accept a connection; if there are already `MOST_CONNECTIONS`, end the new one at once."""
+        """Accept a connection; if there are already `MOST_CONNECTIONS`, end the new one immediately."""
         crowded = len(self.connections) >= MOST_CONNECTIONS
         super().connection_made(transport)
         if crowded:
@@ -47,12 +47,12 @@ class BoundedHttp(H11Protocol):
             self._end = self.loop.call_later(REQUESTS_S, transport.abort)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the connection."""
+        """Cancel the timer of a lost connection."""
         self._forget_end()
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Answer a request, unless its head is too long; h11 itself limits only incomplete heads."""
+        """Answer a request; refuse it if its head is complete but too long: h11 limits only incomplete heads."""
         came = self.conn.trailing_data[0] if self.conn.their_state is h11.IDLE else b""
         if len(came) > MOST_HEAD and END_OF_HEAD.search(came, 0, MOST_HEAD) is None:
             self.send_400_response(f"expected a head of at most {MOST_HEAD} bytes\n")
@@ -60,7 +60,7 @@ class BoundedHttp(H11Protocol):
         super().handle_events()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Pass the connection on: `BoundedWebSocket` then limits it."""
+        """Change the connection's protocol to `BoundedWebSocket`, which has its own limits."""
         self._forget_end()
         super().handle_websocket_upgrade(event)
 
@@ -78,12 +78,12 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         self._end = self.loop.call_later(CLOSING_S, self._end_unless_open)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the connection."""
+        """Cancel the timer of a lost connection."""
         self._end.cancel()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Receive data; end the connection if the client does not read, because answers to its pings would pile up."""
+        """Receive data. End the connection if its client does not read: answers to its pings would fill the memory."""
         if self.transport.get_write_buffer_size() > MOST_UNSENT:
             self.transport.abort()
             return
@@ -97,7 +97,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
-        """Pass a message on; if it is invalid text, end the connection without a log entry."""
+        """Pass a message to the application; if its text is not UTF-8, end the connection without a log entry."""
         if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
             self.transport.abort()
             return

@@ -1,4 +1,4 @@
-"""Server of the page on a socket, until its task is cancelled."""
+"""Serves the page on a socket until the server's task is cancelled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_INBOUND = 65_536
 PING_S = 10.0
 """Interval of pings, and timeout of their answers [s]; choice: a lost client is dropped within twice this time."""
 LEAVING_S = 1
-"""Time for clients to close when the server ends [s]; choice."""
+"""Time in which clients can close their connections when the server ends [s]; choice."""
 
 
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:

@@ -22,13 +22,13 @@ MOST_CLIENTS = 16
 STUCK_S = 10.0
 """Time after which a client that receives nothing is dropped [s]; choice: it connects again if its network returns."""
 NEXT = "next"
-"""Message with which a client that sets the pace reports that it is ready for a state."""
+"""Message by which a client with `?pace=1` in its URL reports that it is ready for the next state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 """WebSocket closing codes: wrong token, too many clients, not text."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""Exceptions when sending to a client that is gone (at the first send, at later sends) or stuck."""
+"""Exceptions of sending if the client is gone (the first for the first send, the second for later ones) or stuck."""
 LONGEST_ERROR = 200
-"""Largest number of letters of an error in an answer; a limit is needed as errors may quote the client's input."""
+"""Largest number of letters of an error in an answer: an error may quote the client's input, which may be long."""
 
 
 class Stream:
@@ -62,8 +62,8 @@ class Stream:
 class Viewer:
     """Connection of one client.
 
-    pictures: whether the client requests pictures (`?pictures=1`)
-    With `?pace=1` the client itself reports when it is ready for the next state.
+    pictures: whether the client requests pictures, with `?pictures=1` in the URL
+    If the URL has `?pace=1`, the client itself reports when it is ready for the next state.
     """
 
     def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:
@@ -116,7 +116,7 @@ class Viewer:
             await asyncio.sleep(0)  # a client that sends without pause must not block other clients
 
     def _answer(self, text: str) -> Mapping[str, Any]:
-        """Pass a command on; returns the answer to the client."""
+        """Pass a command to the loop; returns the answer for the client."""
         name = None
         try:
             command = read_command(text)
