@@ -15,7 +15,7 @@ LOG = logging.getLogger("softaim")
 
 
 MOST_WAITING = 1000
-"""Largest number of lines that wait if nothing reads standard error; further lines are only in softaim.log; choice."""
+"""Capacity of the queue of lines for standard error; while it is full, new lines are only in softaim.log; choice."""
 
 LAST_S = 0.5
 """Longest time for which `StandardError.unwaited` waits until its last lines are read [s]; choice."""

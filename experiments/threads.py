@@ -1,4 +1,4 @@
-"""Threads. Each library uses one thread, because arrays are small. A thread computes the next items of an iterator."""
+"""Threads: each library uses one thread, because arrays are small; `ahead` computes items in another thread."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def begin_helper() -> None:
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
     """The given items in order; a thread computes each item while the caller processes earlier ones.
 
-    If the computation of an item raises an exception, the caller gets it in place of the item.
+    If the computation of an item fails, the exception is raised when the caller takes this item.
     """
     end: Any = object()
     coming, thread = iter(items), ThreadPoolExecutor(1, "ahead")

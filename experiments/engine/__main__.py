@@ -26,7 +26,7 @@ def repeat(path: Path) -> object:
 
 
 def main() -> None:
-    """Repeat the failed run whose file the command line names."""
+    """Repeat the failed run of the record file that the command line states."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("record", type=Path)
     try:

@@ -26,7 +26,7 @@ BATCH_S = 1.0
 """Time after which a worker starts no further run of a batch [s]; choice: sending and returning a batch takes 10 ms."""
 
 AHEAD = 2
-"""Number of batches that are sent for each worker: while it processes one, the next waits at the scheduler."""
+"""Number of batches that the scheduler has for each worker: the worker processes one, the other one waits."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -39,7 +39,7 @@ class RunsFailedError(Exception):
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
-    """Outcomes of the jobs as they finish. Unless this process does all jobs, jobs and results must be picklable."""
+    """Outcomes of the jobs as they finish. If other processes do jobs, jobs and results must be picklable."""
     if workers.own_process:
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
@@ -84,7 +84,7 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 class _Sending:
     """Sends jobs to workers, and receives the outcomes.
 
-    local: whether the workers are on this machine; if no local worker exists for NO_WORKER_S, the study ends
+    local: whether the workers are on this machine; if so, the study ends after NO_WORKER_S without a worker
     """
 
     def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes in a returned batch; runs without outcome wait again. singly: True for one repeated run."""
+        """Outcomes in a returned batch; its other runs are queued again. singly: the batch is one repeated run."""
         from distributed import CancelledError, KilledWorker
 
         try:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 FIRST_S = 10.0
-"""Time of the first progress line of a run without a terminal [s]; the time doubles for each further line. Choice: few
-lines in a log file."""
+"""Time of the first progress line of a run without a terminal [s]; further lines come at 2, 4, 8 … times this time.
+Choice: few lines in a log file."""
 
 COMPILES = "a first run compiles"
 """Text that is shown at the start of a stage, because code is compiled in its first steps."""
@@ -60,7 +60,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """Show progress as lines. The first line comes after first_s [s], and the time doubles for each further line."""
+    """Show progress as lines. The first line comes after first_s [s], further lines after 2, 4, 8 … times first_s."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 

@@ -18,8 +18,8 @@ Case = Mapping[str, Any]
 """The seed and the parameters of a run, in JSON types."""
 
 Work = Callable[[Any], Any]
-"""The function that does a run: a function of a module, or a `functools.partial` of it, whose keywords must not change
-results."""
+"""The function that does a run: a function of a module, or a `functools.partial` of such a function. Keyword arguments
+of the partial must not change results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
@@ -59,9 +59,9 @@ def last_line(fault: BaseException) -> str:
 
 
 def importable(work: Work) -> Work:
-    """The function `work`, imported under its module's name instead of `__main__`, for use in other processes.
+    """The function `work`, imported by the name of its module and not from `__main__`, for use in other processes.
 
-    Raises ValueError if other processes cannot import it.
+    Raises ValueError if other processes cannot import the function.
     """
     if isinstance(work, partial):
         if work.args:
@@ -83,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """Name of a function's module; for a `functools.partial` with a function as keyword, that function's module."""
+    """Name of a function's module; for a `functools.partial` with a function as an argument, this argument's module."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)

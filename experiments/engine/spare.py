@@ -18,11 +18,11 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Type of a map function, such as the `map` of a pool of processes."""
 
 WORTH_S = 4.0
-"""If a call of the map function takes this time [s], later calls use other processes, which start within 2 s."""
+"""If a call of the map function takes this long [s], later calls use all cores; choice: processes start within 2 s."""
 
 
 NEEDED = "estimators"
-"""Package that processes started in advance import at once; this import takes most of their starting time."""
+"""Processes that are started in advance import this package first; its import takes most of their starting time."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
@@ -50,7 +50,7 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """Yields a map function that first uses this process alone. After a call of WORTH_S or more, it uses all cores.
+    """Yields a map function that uses only this process until one of its calls takes WORTH_S; then it uses all cores.
 
     n_cores: number of cores, by default all; ahead: if True, the map function uses all cores from the start
     Functions and arguments of the map function must be picklable.

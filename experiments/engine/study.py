@@ -1,8 +1,8 @@
 """A study applies one function to many cases. Runs are stored as they finish; an interrupted study can be continued.
 
-The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. It has
-columns of the case, of the result, and of the engine (OWN). `failures/` has a file for each failed run. `kept/` has the
-results of all runs ever done, in several files.
+The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. Its columns
+come from the case, from the result and from the engine (OWN). `failures/` has a file for each failed run. `kept/` has
+several files with the results of every run that was done in this folder.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ KEPT = "kept"
 """Name of the subfolder of a study's folder with the results of all runs; each of its files is called a part."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between the writing of two parts [s]; least ratio of this time to the time since the study's start [1];
+"""The time between two parts is at least KEEP_S [s], and at least KEEP_SHARE times the time since the start [1];
 choice: about a thousand parts per day."""
 
 
 class Parts:
-    """Collects results of runs as rows of a table, and writes them from time to time to a new file, a part.
+    """Collects results of runs as rows of a table. From time to time it writes them to a new file, called a part.
 
-    rows: rows that are not yet written; began: time of the start [s]; written: time of the last part [s]
+    rows: rows that are not yet written; began: time of the start [s]; written: time when the last part was written [s]
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,7 +51,7 @@ class Parts:
         self.began = self.written = time.monotonic()
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add the rows of a run. If the last file was written long ago, write all collected rows to a new file."""
+        """Add the rows of a run. If the last part is old enough, see KEEP_S, write all collected rows to a new part."""
         self.rows.extend(rows)
         now = time.monotonic()
         if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
@@ -77,7 +77,7 @@ def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 
 
 def parquet(table: pa.Table) -> bytes:
-    """The content of a Parquet file."""
+    """The table as the bytes of a Parquet file."""
     import pyarrow.parquet as pq
 
     buffer = io.BytesIO()
@@ -105,7 +105,8 @@ program, and the run's key."""
 class Study:
     """The runs of a study.
 
-    table: content of runs.parquet; n_runs: number of runs; n_done: number of runs done in this call
+    table: content of runs.parquet
+    n_runs: number of runs; n_done: number of runs that `run_study` did, without those that the folder had before
     failures: a line for each failed run, with the command that repeats it
     """
 
@@ -129,9 +130,9 @@ def run_study(
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
-    """Do the runs that failed or are missing in the folder, and write the folder's table.
+    """Do the runs without a successful result in the folder, and write the folder's table.
 
-    work: function whose argument is a case, and whose result is a row of the table, as a mapping, or a list of rows
+    work: function of a case; it returns a row of the table as a mapping, or a list of rows
     cases: mappings of JSON types, no two of them equal; their top-level numbers and texts become columns
     advance: called with the completed share
 
@@ -172,7 +173,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError if there are no rows, or if a column belongs to the case or the engine."""
+    """The rows of a run. Raises ValueError if there are no rows, or for a column that the case or OWN also has."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:
@@ -194,7 +195,7 @@ def _columns(table: pa.Table, *names: str) -> list[list[Any]]:
 
 
 def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | None:
-    """Write a failed run's record and return the command that repeats it; after success, remove it and return None."""
+    """Write a failed run's record, and return the command that repeats the run. After a success, delete the record."""
     path = folder / FAILURES / f"{key}.json"
     if run.failure is None:
         path.unlink(missing_ok=True)
@@ -213,7 +214,7 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
     """The rows of the runs with these keys, in the order of the keys.
 
-    If a run was done several times, the rows of one result are used: of a success, if there is one.
+    If a run was done several times, only one of its results is used: a successful one if possible.
     """
     if kept is None:
         return table_of([])

@@ -27,14 +27,14 @@ SELDOM = {
 """Settings of Dask's monitoring: with the default intervals it takes 12 % of a core, with these 1 %."""
 
 DEATHS = 2
-"""If this many local workers die in a batch, each run of the batch is repeated alone. If this many die in such a run,
-the run has failed. Choice: one death may have an external cause."""
+"""If DEATHS local workers die during a batch, each run of the batch is repeated alone. If DEATHS workers die during a
+repeated run, this run has failed. Choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""If there are fewer runs, this process does them all: workers would take longer to start; choice."""
+"""If a study has fewer runs than this, this process does all runs: to start workers would take longer; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -132,7 +132,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """Modules to import before workers are forked: `module`, or the modules that it imports if `python -m` runs it."""
+    """Modules to import before workers are forked: `module`, but only its imports if `python -m` runs `module`."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:

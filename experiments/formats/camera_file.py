@@ -28,7 +28,7 @@ from experiments.formats.toml_file import (
 from vision import Calibration, Lens, Pose, SpaceCamera
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
-"""Factors that convert a row of `uncertainty` from metres to millimetres."""
+"""Factors on the entries of a row of `uncertainty`: the last three convert the translation from m to mm."""
 
 
 class CameraFile(Strict):

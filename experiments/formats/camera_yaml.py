@@ -139,7 +139,7 @@ def _read(path: Path, text: str, name: str | None) -> LensFile:
 
 
 def _matrix(place: str, node: Any) -> Floats:
-    """A matrix of cv2.FileStorage, or a table with rows, cols and data."""
+    """The matrix in a node of cv2.FileStorage that has rows, cols and data."""
     if not node.isMap():
         raise InputError.at(place, "rows, cols and data", "none")
     for key in ("rows", "cols", "data"):

@@ -11,7 +11,7 @@ AXES = "xyz"
 
 
 def header(dim: int) -> list[str]:
-    """Names of the columns."""
+    """Names of the columns of estimates.csv."""
     places = [f"{axis}_mm" for axis in AXES[:dim]]
     return ["time_s", "status", *places, *cov_names(dim), "nis", "marks_used", "poked", "gain", "model_only"]
 

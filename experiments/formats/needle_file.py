@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The needle for estimators; `force_sd` is the standard deviation of uniformly distributed relative errors."""
+        """The needle for estimators; the relative error of its force is uniformly distributed within ± `error`."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,

@@ -30,7 +30,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     force: write into a folder that is not empty; files with the same names are replaced, all others stay
     inputs: folders that are read; a `path` that equals, contains or lies in one of them is rejected even with force
 
-    Raises InputError, before any work is done, if `path` cannot be written.
+    If `path` cannot be written, InputError is raised before the `with` block.
     """
     final = _folder(path, force, inputs)
     work: Path | None = None
@@ -62,7 +62,8 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
     """The folder `path`. Files are written directly into it and stay after an exception.
 
     Use this for output that cannot be repeated, such as that of a live run. A new folder that stays empty is removed.
-    force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
+    If `path` cannot be written, InputError is raised before the `with` block.
+    force, inputs: as in `output_folder`
     """
     final = _folder(path, force, inputs)
     made = not final.is_dir()
@@ -83,7 +84,7 @@ def table_text(table: pd.DataFrame) -> str:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file atomically: its path has the old content or the new, never a part of it. Raises InputError."""
+    """Write a file atomically: at any time the file has its old or its complete new content. Raises InputError."""
     write_together({path: content})
 
 
@@ -148,7 +149,7 @@ def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] =
 
 
 def check_new(path: Path, force: bool) -> None:
-    """Raise InputError if an existing file must not be replaced, or if `path` is not writable."""
+    """Raise InputError if `path` is not writable, or if a file exists there and `force` is False."""
     final = _final(path)
     if final.is_file() and not force:
         raise InputError.at(path, "a new file", "an existing one; --force replaces it")
@@ -187,7 +188,7 @@ def check_outside(path: Path, folder: Path) -> None:
 
 
 def _folder(path: Path, force: bool, inputs: Sequence[Path]) -> Path:
-    """The real path of an output folder; raises InputError if it must not be written."""
+    """Path of an output folder, with symbolic links resolved; raises InputError if the folder must not be written."""
     for source in inputs:
         check_apart(path, source)
     final = Path(os.path.realpath(path))
@@ -229,7 +230,7 @@ def _fresh_folder(path: Path, final: Path) -> Path:
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:
-    """Move all files of one folder into another, replacing those with the same names; either all or none are moved."""
+    """Move all files of `work` into `final`; files of the same name are replaced. After a fault no file is moved."""
     files = sorted(file.relative_to(work) for file in work.rglob("*") if not file.is_dir())
     for file in files:
         if (final / file).is_dir():

@@ -44,7 +44,7 @@ def provenance_text(
     arguments: arguments of the command line
     program: digest of the program's source; times: begin and end of the run
     inputs: digests of files and folders that were read, by path
-    scene: the scene that was used; left_out: processing steps that were not done on this scene
+    scene: the scene that was used; left_out: recommended processing steps that this scene lacks
     """
     table: dict[str, Any] = {
         "version": FORMAT,

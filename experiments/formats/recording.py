@@ -76,7 +76,7 @@ class Truth:
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
         """Whether the node's position is known at each of the times [s], (n,), and the positions [m], (n, dim).
 
-        Positions are interpolated linearly. At times outside of times_s of the node they are NaN.
+        Positions are interpolated linearly. At times outside the node's `times_s`, positions are NaN.
         KeyError for a node that is not in `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
@@ -91,15 +91,14 @@ class Truth:
 class Recording:
     """A recording: a scene, and either pictures or marks with their times. `read_recording` checks it.
 
-    folder: its path
+    folder: path of the recording
     exposures_s: exposure times of the frames, increasing [s], (n_frames,)
-    source: the video file, the folder of pictures, or the folder of a film's pieces; None for a recording of marks
-        or of cameras in space
-    films: films of the cameras in space; exposures_s are then the exposure times of all cameras
+    source: the video file, the folder of pictures, or the folder of a film's pieces; None beside `marks` or `films`
+    films: films of cameras in space; in such a recording, exposures_s are the exposure times of all cameras
     marks: for each frame the marks of another tracker; None for a recording of pictures
     truth: true positions of nodes, if known
     fixes: direct measurements of the target, in order of time
-    aside: message if the first marks seem to have other axes or units than the scene; None if they do not
+    aside: message if the first marks seem to have axes or units that differ from the scene's; otherwise None
     """
 
     folder: Path
@@ -113,7 +112,7 @@ class Recording:
     films: tuple[CameraFilm, ...] = ()
 
     def open_frames(self) -> Pictures:
-        """The frames from the first on; InputError if there are none, or they cannot be opened."""
+        """Open the frames at the first one; raises InputError if there are no frames, or if this fails."""
         if self.source is None:
             found = "films of cameras in space" if self.films else f"{MARKS}, which has no frames to show"
             raise InputError.at(self.folder, "a video or frames", found)
@@ -219,7 +218,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Times [s], (n,), and marks of a table like marks.csv, but for any nodes and reference marks of the scene."""
+    """Times [s], (n,), and marks of a table with the columns of marks.csv; nodes without marks are permitted, too."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):

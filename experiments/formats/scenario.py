@@ -27,7 +27,7 @@ PAPER_SD_MM = 4.14
 """Standard deviation of the marks in [paper] on each axis [mm]."""
 
 NEAR_SD_MM = 0.5
-"""Default standard deviation of marks for a user's scene [mm], as for a webcam close to a phantom, or a tracker."""
+"""Default standard deviation of marks for a user's scene [mm], typical of a tracker or a webcam close to a phantom."""
 
 OPPOSITE = np.cos(np.radians(179.0))
 """Cosine of 179 degrees: directions at a larger angle count as opposite."""
@@ -40,14 +40,14 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Relative standard deviation of the true constants from the constants in the scene, by kind of constant. The seed
-determines the true constants; the filter uses those of the scene."""
+"""For each kind of constant, relative standard deviation of the true constants from the scene's constants. The seed
+determines the true constants; the filter uses the scene's constants."""
 
 
 class SeenMarks(Strict):
     """Errors of simulated marks in a recording without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, known to all methods; by default the value of [paper]
+    sd_mm: standard deviation of a mark's error on each axis; all methods know it; by default the value in [paper]
     lost: share of missing marks; outliers: share of marks that are 30 to 150 mm from the true position
     """
 
@@ -83,7 +83,7 @@ class Video(Strict):
 
     light: light of the film; distractors: number of objects whose hues differ from those of marks
     stagger_s: delay between the exposures of successive cameras in space
-    For the phantom, [camera] has the keys light and distractors instead.
+    A scenario of the phantom has the keys `light` and `distractors` in [camera], not in this table.
     """
 
     light: Light = "webcam"
@@ -169,7 +169,7 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, with default values for its tissue; raises InputError."""
+    """Read a scenario, given by name or TOML file, and add the default values for its tissue; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -219,7 +219,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture with the network's gravity as default start; raises InputError if the rotation is not defined."""
+    """The posture with the network's gravity as default of `from_m_s2`; InputError if the rotation is not defined."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)

@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table under the body: random acceleration of all free nodes, white up to 1 / (2 interval_s)."""
+    """Tremor of the table: random accelerations of all free nodes, white noise up to `1 / (2 interval_s)` [Hz]."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
@@ -32,7 +32,7 @@ class _Forces(Strict):
     """Forces on nodes.
 
     nodes: nodes on which the forces act; by default, all nodes whose marks the filter uses
-    acceleration_m_s2: peak of the strongest poke, or amplitude of breathing, divided by the node's mass
+    acceleration_m_s2: peak of the strongest poke, or amplitude of breathing, as an acceleration of the nodes
     shortest_s, longest_s: range of the random duration of a poke, or of the random period of breathing
     """
 
@@ -49,7 +49,7 @@ class _Forces(Strict):
 
 
 class Pokes(_Forces):
-    """Pokes by a rod at random times. Each poke is a force of half a sine wave in a random direction.
+    """Pokes by a rod at random times, in random directions. The force of a poke is half a sine wave over time.
 
     weakest: peak of the weakest poke relative to that of the strongest [1]
     pause_s: mean of the exponentially distributed pause between two pokes
@@ -62,10 +62,10 @@ class Pokes(_Forces):
 
 
 class Breathing(_Forces):
-    """Periodic forces on nodes, like breathing: a wave, and its second harmonic with half its amplitude.
+    """Periodic forces on nodes, like breathing: a sine wave, and a second harmonic with half the amplitude.
 
     direction: direction of the forces, default `UPWARD`
-    If no nodes are stated for a body of tetrahedra, the force acts on the whole mass of the body.
+    If the scene has a mesh and no nodes are stated, the force acts on all parts of the body.
     """
 
     direction: Coordinates | None = None
@@ -93,7 +93,8 @@ class Press(Strict):
     """The force of a probe or a plate that presses on nodes, stays and withdraws.
 
     force_n: total force, shared equally by all nodes
-    lasts_s: duration of the force [s]; rises_s: part of this time in which the force rises, and in which it falls [s]
+    lasts_s: duration of the force, including its rise and its fall [s]
+    rises_s: duration of the rise [s]; the fall has the same duration
     """
 
     nodes: Nodes

@@ -85,8 +85,8 @@ def read_table(
     """Read a CSV file with exactly these columns, in any order; raises InputError.
 
     Numbers must be finite. Spaces after commas and empty last lines are permitted.
-    rejected: error messages, by name, for columns that files often have but that cannot be used
-    torn: whether to omit an incomplete last line, as the writing program may have been killed
+    rejected: by column name, the error message for a column that files often have but that cannot be used
+    torn: whether to omit an incomplete last line; a program that is killed may leave such a line
     """
     rows = read_rows(path, f"columns {', '.join([*numbers, *texts])}", torn=torn)
     header = next(rows)

@@ -144,7 +144,7 @@ def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dict[str, Any]:
-    """Fields in another unit: if a name ends in `old`, `new` replaces this ending, and the value is multiplied."""
+    """Fields in another unit: an ending `old` of a name becomes `new`, and the value is multiplied by `factor`."""
     scaled: dict[str, Any] = {}
     for key, value in values.items():
         if not key.endswith(old):

@@ -1,7 +1,7 @@
 """Reliability of the hit probabilities that `softaim advise` predicts.
 
-Every second, the filter gives advice as in `softaim advise`, and a needle is inserted at once into the true deforming
-tissue: straight along its direction, to the advised depth, without steering.
+Every second, the filter gives advice as in `softaim advise`. A needle is then inserted immediately into the true
+deforming tissue, straight along its direction and without steering, to the advised depth.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Interval of advice [s], so long that insertions of one run are nearly independent; parameter of the study."""
+"""Time between two pieces of advice in a run [s]; parameter of the study: insertions are then nearly independent."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
-    """Advice at a time, and the result of the insertion that follows it.
+    """Advice at one time, and the result of the insertion that follows this advice.
 
     probability: predicted hit probability; hit: whether the needle hit; miss_m: distance from the target at arrival [m]
-    All three are None if no needle was inserted.
+    If no needle was inserted, probability, hit and miss_m are None.
     """
 
     time_s: float
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Results of insertions that follow advice, every EVERY_S; state: the tissue's state after the warm-up."""
+    """Results of insertions that follow advice, one every EVERY_S; state: the tissue's state after the warm-up."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -76,7 +76,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion that follows advice. between_s: start of the insertion, and latest time of arrival [s]."""
+    """Result of an insertion that follows advice; between_s: start of the insertion, and latest arrival [s]."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -114,9 +114,9 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and difference.
+    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and their difference.
 
-    The difference is the hit rate minus the mean predicted probability. Its standard deviation follows it.
+    The difference is the hit rate minus the mean predicted probability; its standard deviation is included, too.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]

@@ -31,48 +31,47 @@ SPEED_M_S = 0.05
 """Speed of a needle without a file [m/s]."""
 
 DEEPEST_M = 0.06
-"""Largest depth of a needle in the phantom [m]; beyond it the insertion ends or the needle retracts; a parameter of the
-study."""
+"""Depth of a needle in the phantom beyond which an insertion ends [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
 """Largest distance of a needle's tip beyond the resting target in a user's scene [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""Filter settings for pokes of one outer mass at a time. A poke in scenario `poked` is a half sine in a random
-direction with a peak of 3 to 10 m/s²; on one coordinate the root mean square of pokes is 3.4 m/s²."""
+"""Filter settings for pokes that act on one outer mass at a time. In scenario `poked` the acceleration by a poke is a
+half sine over time, with a random direction and a random peak of 3 to 10 m/s²; its rms on one axis is 3.4 m/s²."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
-"""Filter settings for pushes of all outer masses at once."""
+"""Filter settings for forces that act on all outer masses together."""
 
 FAR_M, N_ALONG = 0.05, 100
-"""Largest distance of a needle's entry from a body of tetrahedra [m]; choice: a probe between robot and skin is short.
-Number of points on the needle's line at which the distance is tested."""
+"""Largest distance of a needle's entry from a body of tetrahedra [m], and number of points on the needle's line whose
+distance from the body is tested; choice: a probe between robot and skin is short."""
 
 ELSEWHERE = 0.1
-"""Largest distance of a mark in the filter's scene from the same mark in the scenario's, relative to the body's size
-[1]; choice: sagging, registration or another mesh of the same body move marks less."""
+"""Largest distance between the positions of a mark in the filter's scene and in the scenario's scene, relative to the
+body's size [1]; choice: sagging, registration or another mesh of the same body cause smaller distances."""
 
 AT_REST_M = 1e-9
 """Largest distance between drawn and rest positions that count as equal [m]; numerical: rounding."""
 
 TIP = Needle(hit=Hit.TIP)
-"""Needle without a needle file: the target is hit by the tip."""
+"""The needle if no needle file is stated; its tip has to hit the target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Case:
-    """All that determines one run of the insertion study, except the policy.
+    """The data that determine one run of the insertion study, except the policy.
 
     truth: scene of the true tissue in its rest shape
     given: scene that the filter uses
     straight: the insertion for which `softaim advise` is tested
     deepest_m: depth of the needle at which the insertion ends, even if the target is farther away [m]
     steer_m_s: largest speed with which the robot moves the needle's line sideways [m/s]
-    seen: errors of the marks
+    seen: errors of the simulated marks
     warm_s: duration of the warm-up, in which the filter processes marks without a needle [s]
     patience_s: longest time from the end of the warm-up until the needle's arrival [s]
     strength: factor on the forces of the scenario's pokes and breathing
-    advice: whether to test `softaim advise`, too
+    advice: whether the run also tests `softaim advise`
     """
 
     scenario: Scenario
@@ -160,7 +159,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene. If it has a mesh, points on the needle's line are added. line: ends of this line [m], (2, dim)."""
+    """The scene; if it has a mesh, with additional points on the needle's line. line: its two ends [m], (2, dim)."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)
@@ -168,13 +167,13 @@ def with_needle(scene: Scene, line: Floats) -> Scene:
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings for the phantom: TOGETHER if the scenario's forces act on all outer masses at once."""
+    """Filter settings for the phantom: TOGETHER if the forces act on all outer masses together, else ONE_AT_A_TIME."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network drawn in its rest shape. If it has no anchors, its gravity is omitted, see `supported`."""
+    """The network with its rest shape as drawn shape. Without anchors its gravity is set to 0, see `supported`."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
@@ -192,9 +191,9 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
 
 
 def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
-    """The plan without a needle file: a needle that points down, along gravity.
+    """The plan if no needle file is stated: the needle points down, along gravity.
 
-    In a user's scene it enters above the resting target, at the height of the highest node.
+    In a user's scene the needle enters above the resting target, at the height of the highest node.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))

@@ -1,8 +1,8 @@
 """Closed-loop insertion of a needle into moving tissue by one policy.
 
 At every frame the policy estimates the target's present or future position, and the robot moves the needle's line
-towards this position at a limited speed. COMMIT_S before the arrival, at the commitment, the line is fixed, and the
-policy states a hit probability.
+towards this position at a limited speed. The commitment takes place COMMIT_S before the arrival. From then on the line
+is fixed. At the commitment the policy states a hit probability.
 """
 
 from __future__ import annotations
@@ -43,11 +43,10 @@ predicted half a second ahead."""
 class Tried:
     """Result of one policy in one world.
 
-    probability: hit probability at the commitment; None if the policy states none or never committed
+    probability: hit probability at the commitment; None if the policy predicts none, or if there was no commitment
     drawn_radius_m: radius of a second lesion, random in each run [m]
-    drawn_probability, drawn_hit: as probability and hit, but for the second lesion
-    miss_m: distance at arrival from the true target to the needle's tip or the middle of its notch [m]; None if the
-    needle never arrived
+    drawn_probability, drawn_hit: for the second lesion, hit probability at the commitment, and whether it was hit
+    miss_m: distance of the needle's tip or notch from the true target at arrival [m]; None if no needle arrived
     seconds: time from the end of the warm-up until arrival [s]
     insertions: number of insertions that were begun
     """
@@ -79,13 +78,13 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """Position of the tip after motions along the axis and along each vector of `across(axis)` [m], (dim,)."""
+        """Tip position [m], (dim,), after a motion by `deeper` [m] along the axis and `aside` [m] across the axis."""
         ways = self.beside if aside is None else self.beside + aside
         return np.asarray(entry + (self.depth + deeper) * self.axis + ways @ across(self.axis))
 
 
 def within(ways: Floats, most: float) -> Floats:
-    """The vector `ways`, shortened to at most this length."""
+    """The vector `ways`; if it is longer than `most`, it is shortened to the length `most`."""
     length = float(np.linalg.norm(ways))
     return ways if length <= most else ways / length * most
 
@@ -99,7 +98,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle with a policy; state: the tissue's state at the end of the warm-up, as in `World.start`."""
+    """Insert the needle with a policy; state: the tissue's state at the end of the warm-up."""
     case, plan = world.case, world.case.plan
     speed_m_s, still = plan.insertion.speed_m_s, np.zeros(plan.lesion.dim - 1)
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -149,9 +148,9 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 def _committed(
     world: World, policy: Policy, robot: _Robot, state: Floats, when: tuple[float, float], aside_m: Floats
 ) -> Tried | None:
-    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle instead.
+    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle.
 
-    when: present time, and time until arrival [s]; aside_m: sideways motion until arrival [m], (dim - 1,)
+    when: present time, and time until arrival [s]; aside_m: sideways needle motion until arrival [m], (dim - 1,)
     """
     (now, left), case, plan, axis = when, world.case, world.case.plan, robot.axis
     needle, speed = plan.needle, plan.insertion.speed_m_s
@@ -186,7 +185,7 @@ def _committed(
 
 
 def _drawn_radius_m(world: World) -> float:
-    """Radius of a lesion that is log-uniformly distributed over the runs [m]."""
+    """Random lesion radius of a run [m]; over the runs the radius is log-uniformly distributed."""
     return SMALLEST_M * float((LARGEST_M / SMALLEST_M) ** world.share)
 
 
@@ -202,7 +201,7 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
-    """Predicted force of the needle in successive steps of CYCLE_S [N], (n, n_free, dim)."""
+    """Predicted needle force in each step of CYCLE_S of the prediction range [N], (n, n_free, dim)."""
     n = round(horizon_s(world) / CYCLE_S)
     return predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, n, CYCLE_S).sum(axis=0)
 

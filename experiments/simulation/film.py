@@ -31,7 +31,8 @@ def film(
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures of the true motion, (height, width, 3) BGR.
 
-    camera: by default, the first camera of a scene in the plane; times_s: exposure times [s], by default all of `truth`
+    camera: by default, the first camera of a scene in the plane
+    times_s: exposure times [s]; by default, all times of `truth`
     """
     camera = scene.cameras[0] if camera is None else camera
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
@@ -108,7 +109,7 @@ def write_films(
 ) -> None:
     """Write `video.avi` and `frames.csv`; in space, `video.NAME.avi` and `frames.NAME.csv` for each camera.
 
-    times_s: exposure times of each camera [s]; `truth` must have them all; advance: called with the completed share
+    times_s: exposure times of each camera [s], all of them in `truth`; advance: called with the completed share
     """
     rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the file format has no lower rate; frames.csv has the times
     stored, done, n_frames = scenario.video, 0, sum(map(len, times_s))

@@ -31,7 +31,7 @@ class Force:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """A force with random values for each free node at equally spaced times, and linear interpolation between them."""
+    """A force on each free node: random values at equally spaced times, with linear interpolation in between."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -40,7 +40,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Successive forces of half a sine wave in random directions, with random pauses, see `Pokes`."""
+    """Successive pokes in random directions, with random pauses, see `Pokes`."""
     rows = _rows(network, pokes.nodes)
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
@@ -89,7 +89,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
-    """Difference between the rotated gravity force and the gravity force under which the tissue rests as drawn."""
+    """The rotated gravity force minus the gravity force under which the tissue rests in the drawn shape."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
 
@@ -119,7 +119,7 @@ def _risen(share: float) -> float:
 
 
 def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
-    """Forces on the free nodes that act like an acceleration of the body's whole mass [N], (n_free, dim)."""
+    """Forces on the free nodes [N], (n_free, dim), with the effect of an acceleration of the whole body [m/s²]."""
     solid = network.continuum
     if solid is None:
         return network.masses[network.free][:, None] * acceleration
@@ -127,7 +127,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Indices of these nodes; the function `completed` has replaced None by a list."""
+    """Indices of these nodes. In a scenario from `completed`, `nodes` is a list and not None."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

@@ -19,15 +19,15 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay of drawing after which the phantom catches up with the clock [s]; choice: to catch up takes 0.4 s."""
+"""Longest delay of a picture that is made up by skipping frames [s]; choice: computing this motion takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
-"""Relative tolerance [1], absolute tolerance [m, m/s] and longest step [s] of the integrator. The step is the interval
-of the tremor's knots; choice: errors are 0.003 mm. Tighter tolerances take ten times as long, because they reject steps
-across the knots."""
+"""Relative tolerance [1], absolute tolerance [m, m/s] and longest step [s] of the integrator; choice: errors are
+0.003 mm. The tremor force is linear between knots at intervals of STEP_S. Tighter tolerances take ten times as long,
+because the integrator then rejects steps across the knots."""
 
 COMES_AGAIN_S = 360.0
-"""Period of the random forces [s]; choice: forces for an hour would delay the first picture by 0.3 s."""
+"""Period of the random forces [s]; choice: to compute forces for an hour would delay the first picture by 0.3 s."""
 
 
 class PhantomCamera:
@@ -73,7 +73,8 @@ class PhantomCamera:
     def grab(self) -> bool:
         """Draw the next frame, then wait until its exposure time.
 
-        If drawing takes longer than a frame interval, frames are skipped. A delay of more than BEHIND_S is not made up.
+        If drawing takes longer than a frame interval, frames are skipped. After a delay of more than BEHIND_S no frame
+        is skipped, and all later exposure times move by this delay.
         """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
@@ -94,7 +95,7 @@ class PhantomCamera:
         return True, self._image
 
     def get(self, prop: int) -> float:
-        """For CAP_PROP_POS_MSEC, the exposure time of the picture, by the clock [ms]; otherwise 0."""
+        """For CAP_PROP_POS_MSEC, the exposure time of the last picture on the camera's clock [ms]; otherwise 0."""
         return 1e3 * (self._began_s + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:

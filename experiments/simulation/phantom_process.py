@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from experiments.threads import begin_helper
 
 PHANTOM, SCENARIO = "phantom", "webcam"
-"""Name of the simulated phantom as a source of pictures, and name of its scenario."""
+"""The simulated phantom: its name as a source of pictures, and the name of its scenario."""
 
 HEADER = struct.Struct("<dII")
 """Header of a picture: its exposure time on the monotonic clock [s], which all processes share; its width and height
@@ -51,8 +51,8 @@ def film(connection: Connection, fps: float | None) -> None:
 class PhantomProcess:
     """Pictures of a `PhantomCamera` in another process, with the interface of cv2.VideoCapture.
 
-    The process starts with this object and first loads code for some seconds. `opened` starts the phantom's motion.
-    fps: frame rate that replaces the scenario's [frames/s]
+    The constructor starts the process, which first loads code for some seconds. `opened` starts the phantom's motion.
+    fps: frame rate that replaces the scenario's frame rate [frames/s]
     """
 
     def __init__(self, fps: float | None = None) -> None:

@@ -42,14 +42,15 @@ SETTLED_S = 0.5
 """Time at which the breathing model starts [s], because earlier estimates have large errors; a study parameter."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""The prediction range of the target is WAYS times the insertion time plus MARGIN_S [s], because the needle may start
-later or the target may move away; study parameters."""
+"""The prediction range of the target is `WAYS * (insertion time) + MARGIN_S` [s], because the needle may start later or
+the target may move away from the needle; study parameters."""
 
 
 class Policy:
     """A policy that steers a needle.
 
-    place: position at which it aims [m], (dim,); time_s: time of this position [s]
+    place: position at which the policy aims [m], (dim,)
+    time_s: time of the last frame [s]
     waits: if True, the needle starts only if guidance advises GO, and retracts after a fault or if a hit is improbable
     """
 
@@ -62,7 +63,7 @@ class Policy:
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path of the target; pushes: predicted force of the needle, every CYCLE_S [N], (n, n_free, dim)."""
+        """Predicted path of the target; pushes: predicted needle force in steps of CYCLE_S [N], (n, n_free, dim)."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
@@ -70,7 +71,7 @@ class Policy:
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """Probability density of the target's position at time_s; None if the policy predicts no density.
 
-        parts: predicted cutting force and friction of the needle until time_s [N], (2, n_free, dim)
+        parts: predicted cutting force and friction of the needle, both constant until time_s [N], (2, n_free, dim)
         """
         return None
 
@@ -116,7 +117,7 @@ def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
     """Covariance of the target's position from the errors of the needle's predicted force [m²], (dim, dim).
 
     Each part of the force has an independent relative error, uniformly distributed between -error and error.
-    gives: the target's compliance [m/N], (dim, n_free dim); parts: parts of the force [N], (n_parts, n_free, dim)
+    gives: the target's compliance [m/N], (dim, n_free * dim); parts: parts of the force [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
     return error**2 / 3.0 * shifts.T @ shifts
@@ -181,7 +182,7 @@ class Filtered(Policy):
         self.time_s, self.place = time_s, self.estimate.mean
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's predicted density; its covariances include the errors of the needle's force."""
+        """The filter's predicted density; its covariances include the error of the predicted needle force."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
         unknown = force_error_cov(self._compliance, parts, self._error)
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
@@ -210,7 +211,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """The filter's predicted path, or its mixture with the breathing model's while that model is valid."""
+        """The filter's predicted path, mixed with the breathing model's path while this model is valid."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -221,7 +222,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's predicted density, or its mixture with the breathing model's while that model is valid."""
+        """The filter's predicted density, mixed with the breathing model's density while this model is valid."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -235,7 +236,7 @@ class Ahead(Filtered):
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
-        """Static displacement of the target by each force, in linear approximation [m], (n, dim)."""
+        """Linear approximation of the static displacement of the target by each of n forces [m], (n, dim)."""
         return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 

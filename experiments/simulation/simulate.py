@@ -44,11 +44,11 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Error of the phantom's model that the filter assumes, relative to the phantom's extent [1]; choice: the model of
-a simulated phantom is exact."""
+"""Setting `discrepancy` of the filter for the phantom: the model's error, relative to the phantom's extent [1]; choice:
+small, because the model of a simulated phantom is exact."""
 
 TRUTH = 0.2
-"""If a film is written, share of the progress that is reported when the true motion is complete [1]."""
+"""Progress that is reported when the true motion is complete and a film has still to be written [1]."""
 
 STIFF_S = 1e-4
 """If the longest stable step is shorter than this [s], the integrator is implicit, otherwise explicit; numerical."""
@@ -89,7 +89,7 @@ def exposures(scenario: Scenario) -> Floats:
 
 
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
-    """The network with random true constants, which differ from the scene's as much as the scenario states."""
+    """The network with random true constants; the scenario states how much they differ from the scene's constants."""
     if scenario.constants is None:
         return network
     spread = scenario.constants.model_dump()
@@ -119,7 +119,7 @@ def true_motion(
 ) -> Truth:
     """True motion of the free nodes under the scenario's forces; raises InputError.
 
-    A network without anchors moves without gravity (`supported`).
+    A network without anchors moves without gravity, see `supported`.
     advance: called with the completed share
     times_s: times of the positions [s], (n,); by default, the scenario's exposure times
     """
@@ -192,7 +192,7 @@ def simulate(
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
     """Write the scene to `path`, with the contents of the camera files that the scene's file names.
 
-    If the true constants are those of the scene, `[[provenance]]` gets the step `simulate`.
+    If the scenario does not change the constants of the scene, `[[provenance]]` gets the step `simulate`.
     """
     done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)

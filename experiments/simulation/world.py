@@ -30,7 +30,7 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Length of the intervals in which external forces are linear in time [s]: a quarter of the tremor's interval."""
+"""Longest interval in which external forces are linear in time [s]: a quarter of the default `Tremor.interval_s`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +77,7 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """True position of the target in a state of the tissue, with the registration error [m], (dim,)."""
+        """True position of the target in a state of the tissue [m], (dim,); the registration error is included."""
         return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:

@@ -14,7 +14,7 @@ from experiments.arrays import Floats
 from vision.arrays import Image
 
 WHOLE_READ_BYTES = 2**32
-"""Number of bytes of all pixels above which PLUS reads wrong frames, because it counts them in 32 bits."""
+"""If all pixels together have this number of bytes or more, PLUS reads wrong frames: it counts bytes in 32 bits."""
 
 _FIXED = {
     "BinaryData": "True",

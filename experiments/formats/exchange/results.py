@@ -21,8 +21,8 @@ FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 """Statuses of usable estimates; for other statuses the exports have only the status."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""Largest difference between the time of a row and the time of its frame: DIGITS times the time, but at most ROUNDED
-times the shortest frame interval. Older tables have times of nine digits."""
+"""A row belongs to a frame if their times differ by at most DIGITS times the row's time, and by at most ROUNDED times
+the shortest frame interval [1]. Older tables state times with only nine digits."""
 
 Entry = float | str | bool | None
 
@@ -31,8 +31,8 @@ Entry = float | str | bool | None
 class Results:
     """A table of results of a run.
 
-    table: the table in the file; columns: names of its columns, in order
-    times_s: exposure time of each row's frame, or the time in the file for a row without a frame [s], (n,)
+    table: content of the file; columns: names of the file's columns, in order
+    times_s: exposure time of each row's frame [s], (n,); for a row without a frame, the time in the file
     frames: index of each row's frame, (n,), -1 for a row without a frame
     """
 
@@ -94,7 +94,7 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """times_s and frames of `Results`, from the times in the file."""
+    """The fields `times_s` and `frames` of `Results`, from the times in a file."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)

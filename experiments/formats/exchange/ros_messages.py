@@ -1,7 +1,7 @@
 """ROS 2 messages that are exported: definitions, and encoding as CDR.
 
-CDR is plain, little-endian, version 1 [corba], [ddsi-rtps].
-Definitions are those of ROS 2's common_interfaces, unchanged since Foxy. Lengths in metres; stamps in nanoseconds.
+The encoding is plain CDR, version 1, little-endian, see [corba] and [ddsi-rtps].
+Definitions are those of ROS 2's common_interfaces, unchanged since Foxy. Lengths are in metres, stamps in nanoseconds.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _POSED = ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose", "geometry_ms
 
 
 def _definition(own: str, *parts: str) -> str:
-    """A message definition followed by those of nested messages, in the format of MCAP and rosbag2."""
+    """A message definition, followed by the definitions of nested messages, in the format of MCAP and rosbag2."""
     return f"\n{'=' * 80}\n".join([own, *(f"MSG: {part}\n{_PARTS[part]}" for part in parts)]) + "\n"
 
 
@@ -55,7 +55,7 @@ def encoded(form: str, *values: Any) -> bytes:
     """A message with these values; `form` has one letter for each value.
 
     i, I, d: a number as in `struct`, aligned to its size; s: text, which ends with a zero byte; b: bytes
-    Text and bytes begin with their length. The entries of an array of fixed length are single values.
+    Text and bytes begin with their length. For an array of fixed length, each entry is a value of its own.
     """
     body = bytearray()
     for code, value in zip(form, values, strict=True):

@@ -86,10 +86,10 @@ def check_pictures(
     place: str,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Raise InputError if the number of the pictures or their size is wrong, or if pictures are missing.
+    """Raise InputError if pictures are missing, or if their number or their size is wrong.
 
     times: the file of exposure times, for messages
-    size_px: picture size in the scene file; place: key with this size, for messages
+    size_px: picture size that the scene file states; place: key that states it, for messages
     """
     with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)

@@ -36,7 +36,7 @@ class CameraFilm:
     exposures_s: Floats
 
     def open_frames(self) -> Pictures:
-        """The frames from the first on; InputError if they cannot be opened."""
+        """Open the frames at the first one; raises InputError if this fails."""
         return open_pictures(self.source, self.exposures_s.tolist())
 
 
@@ -48,7 +48,7 @@ def film_name(camera: str, i: int) -> str:
 
 
 def films_in(folder: Path) -> dict[str, Path]:
-    """Film `video.NAME.avi` or folder `frames.NAME/` of each camera, by name; InputError if a camera has two."""
+    """Film `video.NAME.avi` or folder `frames.NAME/` of each camera, by name; InputError if a camera has several."""
     films: dict[str, Path] = {}
     for path in sorted(folder.glob("*.*")):
         named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)

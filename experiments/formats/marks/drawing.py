@@ -13,24 +13,25 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Marks fit if their root mean square distance from the drawn positions, relative to the body's size, is at most FAR;
-choice: pokes and weight move marks less, if the body is drawn at rest."""
+"""Marks fit if their root mean square distance from the drawn positions is at most FAR times the body's size [1];
+choice: pokes and weight move marks less, if the body is drawn in its rest shape."""
 
 FITS = 0.1
-"""An interpretation, for example with other units, fits if the distance of its marks from the drawn positions is at
-most FITS times the body's size, and at most a quarter of the distance without the interpretation; choice."""
+"""An interpretation of the marks, for example in other units, fits if its distance from the drawn positions is at most
+FITS times the body's size, and at most a quarter of the distance of the marks as measured; choice."""
 
 ALIKE = 1.5
-"""Interpretations fit equally well if their distances are less than this factor times the least distance; choice."""
+"""An interpretation is as good as the best one if it is at most ALIKE times as far from the drawing; choice."""
 
 FLAT = 0.2
-"""Least ratio of the second largest to the largest spread of marks that are not collinear [1]; choice."""
+"""Marks count as collinear if the second singular value of their centred positions is below FLAT times the first [1];
+choice."""
 
 N_FRAMES = 10
 """Number of frames with marks after which `misread` is applied, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Millimetres per unit, for the units in which marks may be by mistake."""
+"""Millimetres per unit, for units that a tracker's file may have instead of millimetres."""
 
 
 RESIZED = 8.0
@@ -38,14 +39,14 @@ RESIZED = 8.0
 
 
 class FirstMarks:
-    """Applies the test `misread` once: as soon as every measured mark was visible, at the latest after N_FRAMES."""
+    """Applies the test `misread` once: when each measured mark has been visible, or after N_FRAMES frames."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Add a frame's marks. If enough marks were visible, apply `misread` and return its message, otherwise None.
+        """Add a frame's marks. If the test `misread` is due now, apply it and return its message; otherwise None.
 
         places: positions by node [m], (dim,)
         """
@@ -132,7 +133,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 def fits(rms: float, plain: float, size: float) -> bool:
     """Whether an interpretation of the marks fits the drawn shape.
 
-    rms: distance of the interpreted marks from the drawn shape [m]; plain: distance of the marks as they are [m]
+    rms, plain: root mean square distance of the interpreted and of the measured marks from the drawn positions [m]
     size: the body's size [m]
     """
     return rms <= min(FITS * size, 0.25 * plain)
@@ -158,7 +159,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Interpretations of the marks with other axes, another scale and another origin.
+    """Interpretations of the marks: permuted or reflected axes, each with the scale and the shift that fit best.
 
     There are none if the marks are nearly collinear, or if the body has no anchors.
     """
@@ -187,7 +188,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Description of a matrix from `_axes`, and the number of mistakes that the matrix corrects."""
+    """Description of the mistakes in the axes that a matrix from `_axes` corrects, and the number of these mistakes."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

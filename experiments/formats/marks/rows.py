@@ -19,8 +19,8 @@ LEAST_SHARE = 1e-9
 class MarkRow:
     """A mark from another tracker.
 
-    position_m: its position [m], (dim,); sd_m: standard deviation on each axis [m]
-    full_cov: its covariance, if the file states one [m²], (dim, dim); sd_m is then the root of the mean variance
+    position_m: position [m], (dim,); full_cov: covariance of the position [m²], (dim, dim); None if the file has none
+    sd_m: standard deviation on each axis [m]; with full_cov, the root of its mean variance
     """
 
     node: str
@@ -63,7 +63,7 @@ def cov_of(entries_mm2: ArrayLike, dim: int) -> Floats:
 
 
 def cov_entries_mm2(cov: Floats) -> list[float]:
-    """The entries of a covariance in the order of `cov_names` [mm²]; cov: in m², (dim, dim)."""
+    """The entries of a covariance [mm²], in the order of `cov_names`; cov: covariance [m²], (dim, dim)."""
     return [float(1e6 * cov[a, b]) for a, b in _entries(len(cov))]
 
 

@@ -48,7 +48,7 @@ def read_body(
 
     unit: unit of the file, a key of `UNITS`
     size_m: edge length of new elements [m]; None to use the elements of the file
-    check: called before new elements are created, with the nodes [m], (n, 3), and the body, or None for a surface
+    check: called before new elements are created; arguments: nodes [m], (n, 3), and the body (None for a surface)
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
@@ -134,8 +134,8 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body with new elements whose edges have this length [m].
 
-    New elements and faces get the data of the nearest old ones. A new node gets the mean over the old
-    nodes to which it is the nearest new node. If there are none, it gets the data of the nearest old node.
+    A new element or face gets the data of the nearest old one. Each old node is assigned to the nearest new node.
+    A new node gets the mean of its assigned old nodes. Without assigned nodes it gets the data of the nearest old node.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

@@ -25,11 +25,12 @@ EDGES = 20
 """Default number of element edges along the diagonal of a body's bounding box, as in fTetWild."""
 
 LEAST_EDGES, MOST_EDGES = 3.0, 200.0
-"""Permitted numbers of edges along the diagonal; choice: fewer leave no interior, more give millions of nodes."""
+"""Least and largest number of element edges along a body's diagonal; choice: fewer edges leave no interior, more edges
+give millions of nodes."""
 
 ENVELOPE = 0.1
-"""Largest distance of the new surface from the given one, relative to an element's edge [1]; choice: less than the
-error of such elements."""
+"""Largest distance by which fTetWild may move the surface, relative to an element's edge [1]; choice: less than the
+error of elements of this size."""
 
 GRID = 0.4
 """Cell size of the grid in `clustered`, relative to an element's edge [1]; choice: a surface of 4,340 triangles is

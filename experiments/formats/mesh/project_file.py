@@ -42,7 +42,7 @@ def mesh_content(of: ProjectMesh) -> bytes:
 
 
 def mesh_of(content: bytes, path: Path) -> ProjectMesh:
-    """The mesh in the content of a file; raises InputError with the path if it is invalid."""
+    """The mesh in the content of a file; raises InputError with the path if the content is invalid."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {key: file[key] for key in ARRAYS if key in file.files}
@@ -77,7 +77,7 @@ def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:
 def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
     """Indices of the nodes that the text `fixed` selects, (k,) int.
 
-    Raises ValueError, `expected …, found …`, for another form than `FORMS`, for fewer than 3 nodes, or for all nodes.
+    Raises ValueError, `expected …, found …`, if the text has none of the FORMS, or selects all nodes or fewer than 3.
     """
     mesh = of.mesh
     if plane := PLANE.fullmatch(fixed.strip()):

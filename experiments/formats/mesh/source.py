@@ -32,7 +32,7 @@ class Cells:
     """Triangles or tetrahedra.
 
     nodes: indices of each cell's nodes, counted from 0, (m, 3) or (m, 4)
-    fields: numbers of the cells by name, (m,)
+    fields: the fields by name, each with one number for each cell, (m,)
     """
 
     nodes: NDArray[np.int64]
@@ -46,7 +46,8 @@ class Cells:
 class Source:
     """The content of a mesh file.
 
-    points: positions in the file's unit, (n, 3); fields: numbers of the points by name, (n,)
+    points: positions in the file's unit, (n, 3)
+    fields: the fields by name, each with one number for each point, (n,)
     """
 
     path: Path

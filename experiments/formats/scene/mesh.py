@@ -23,27 +23,27 @@ from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTiss
 from experiments.formats.toml_file import key_lines
 
 LINE = "needle"
-"""Prefix of the names of points on a needle's line; a number follows."""
+"""Beginning of the names of points that are added along the needle's line, such as `needle 1`."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Spacing of points on a needle's line relative to the body's extent, and least spacing relative to an element's edge;
-choices: the needle's force is spread over a similar distance; points in one element cannot move independently."""
+"""The spacing of points on the needle's line is SPACING times the body's extent, but at least EDGES times an element's
+edge; choices: the needle's force is spread over about this distance; points in one element move together."""
 
 APART_M = 1e-5
-"""Least distance of two points that do not coincide [m]; choice: finer than any mark."""
+"""Two points coincide if their distance is less than this [m]; choice: less than the accuracy of any mark."""
 
 ON_SKIN_M = 1e-3
-"""Largest distance from the skin of a point that counts as on the skin [m]; choice: entries are rounded."""
+"""A point outside the body counts as on the skin if it is nearer than this [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneMesh:
     """The mesh of a scene.
 
-    file: name of the mesh file, in the folder of the scene's file; content: its bytes
+    file: name of the mesh file, which lies beside the scene's file; content: bytes of the mesh file
     fixed: text that selects the fixed nodes, see `held`; None if no nodes are fixed
-    driven: whether the fixed nodes move together as a rigid body, with unknown motion
-    regions: number of the mesh region of each tissue
+    driven: whether the fixed nodes move together as a rigid body; the motion is unknown
+    regions: for each tissue, the number of its region in the mesh
     points: names and positions of the marks and the target [m]
     stiffness: trace of each tissue's reduced stiffness matrix before identification [1/s²], (n_tissues,)
     """
@@ -69,7 +69,7 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network with more modes of the mesh, for the simulated true motion; points and tissues do not change."""
+        """The network with the modes that `LEFT_OUT` omits, for the true motion; points and tissues do not change."""
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
@@ -117,7 +117,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
-    """Distance [m], (n,), of positions [m], (n, 3), from the body; 0 inside."""
+    """Distance of each position from the body [m], (n,); 0 inside the body. places: the positions [m], (n, 3)."""
     return _outside_m(mesh_of(mesh.content, Path(mesh.file)).mesh, places)
 
 
@@ -127,10 +127,10 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 
 
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
-    """Mesh and network with added points on a straight line: equally spaced, and only inside the body.
+    """Mesh and network with additional, equally spaced points on the straight line between `ends` [m], (2, 3).
 
-    A new point is omitted if an existing free point is nearer than half the spacing. Each new point has the same mass
-    as the existing points. ends: ends of the line [m], (2, 3)
+    A new point is omitted if it is outside the body, or if an existing free point is nearer than half the spacing.
+    Each new point has the same mass as the existing points.
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)

@@ -15,7 +15,7 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
-"""Least distance of two nodes that a spring connects [mm]; choice: finer than any drawing."""
+"""Least length of a spring in the drawn shape [mm]; choice: less than the accuracy of any drawing."""
 
 
 def is_node_name(name: str) -> bool:

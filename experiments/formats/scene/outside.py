@@ -16,7 +16,7 @@ from experiments.formats.mesh.project_file import held, mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Cell size of the finest grid in `fewer`, relative to the body's size; factor from one cell size to the next [1]."""
+"""Cell size of the finest grid in `fewer`, relative to the body's size [1]; ratio of two successive cell sizes [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class Outside:
 
 
 def outside_of(scene: Scene, most: int) -> Outside:
-    """Outer surface of a body with at most this number of faces."""
+    """Outer surface of a body, with no more than `most` faces."""
     if scene.mesh is not None:
         mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
         return fewer(_outside(mesh.nodes, surface(mesh).faces), most)
@@ -59,7 +59,7 @@ def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
 
 
 def fewer(whole: Outside, most: int) -> Outside:
-    """A surface with at most this number of faces; all corners in one cell of a grid are replaced by their mean."""
+    """A surface with no more than `most` faces; all corners in one cell of a grid are replaced by their mean."""
     found, cell = whole, FINEST * float(np.ptp(whole.corners, axis=0).max())
     while len(found.faces) > most:
         found = _outside(*clustered(whole.corners, whole.faces, cell))

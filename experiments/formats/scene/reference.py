@@ -24,9 +24,10 @@ from vision import PlaneCamera
 class ReferenceMark:
     """A reference mark, which does not move.
 
-    name: its name in tables of marks and in marks of a live tracker
-    node: the anchor on which it lies; None if position_m states its position [m], (dim,)
-    look: its appearance in a film; None if it is not filmed
+    name: name of the mark in tables, and in the messages of a live tracker
+    node: anchor on which the mark lies; None if `position_m` states the position
+    position_m: position of the mark [m], (dim,); empty if `node` is stated
+    look: appearance of the mark in a film; None if the mark is not filmed
     """
 
     name: str

@@ -16,7 +16,7 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""If a number differs from a plausible one by this factor, its unit is wrong; choice: units differ by 100 or 1000."""
+"""If a number is UNIT times too large or too small, its unit is wrong; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
 """Largest share of the weight that springs at their drawn lengths may leave unbalanced; choice: lengths are rounded."""
@@ -25,8 +25,8 @@ LONGEST = 2.0
 """A spring counts as stretched if its length in the rest shape is this many times its unloaded length; choice."""
 
 DENSITY = 100.0
-"""Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
-less."""
+"""A plausible density [kg/m³]; it is computed as a node's mass divided by the cube of a spring's length. Choice: tissue
+has 1000 kg/m³, a phantom less."""
 
 GRAVITY = 9.81
 """Acceleration of gravity [m/s²]."""
@@ -42,7 +42,7 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""Probable unit of a key's numbers. If springs are 10**n times too soft, the second part of the index is n."""
+"""Probable unit of a key's numbers, for springs that are 10**n times too soft. Each index is a pair: the key, and n."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
@@ -79,7 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """The factor on all stiffnesses with which the springs of the drawn shape balance the weight; 1 if no factor does.
+    """Factor on all stiffnesses with which springs balance the weight in the drawn shape; 1 if there is no such factor.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """

@@ -42,7 +42,7 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """A scene: tissue, marks, target and cameras. Raises SceneError if they do not fit together.
+    """A scene: tissue, marks, target and cameras. Raises SceneError if these parts do not fit together.
 
     cameras: the cameras of a scene in the plane
     uncertainty: uncertainty of the tissue's constants; None for exact constants
@@ -131,7 +131,7 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of errors that the filter considers: of the calibration and, with reference marks, of the pose."""
+        """Number of errors that the filter considers: calibration errors and, with reference marks, pose errors."""
         if self.space_cameras:
             return len(self.calibration_steps[0]) + self.n_pose * len(self.space_cameras)
         return (self.cameras[0].n_calibration if self.cameras else 0) + self.n_pose
@@ -143,7 +143,7 @@ class Scene:
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """Independent calibration errors of each camera in space at one standard deviation [px, 1, rad, m], (n, 15)."""
+        """For each camera in space, independent errors of one standard deviation [px, 1, rad, m], (n, 15)."""
         places = reference_places(self.reference, self.network)
         return principal_steps(self.space_cameras, np.vstack([self.network.positions, *places.values()]))
 
@@ -233,9 +233,10 @@ def write_scene(scene: Scene, path: FilePath) -> None:
 
 
 def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
-    """Path and content of the mesh file that has to be written beside the scene's file `path`, if any.
+    """Path and content of the mesh file that has to be written beside the scene's file; empty if there is none.
 
-    Raises InputError if a different file has the mesh file's path; force: if True, that file is replaced
+    path: the scene's file
+    force: if True, the mesh file may replace a different file; if False, a different file causes InputError
     """
     if scene.mesh is None:
         return {}
@@ -258,14 +259,14 @@ def scene_digest(scene: Scene) -> str:
 
 
 def network_digest(scene: Scene) -> str:
-    """SHA-256 of the scene's network or mesh alone."""
+    """SHA-256 of the scene's network, or of its mesh if it has one; other parts of the scene have no effect."""
     return digest(_body_lines(scene))
 
 
 def with_step(
     scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
 ) -> Scene:
-    """The scene with one more processing step in its list; arguments: fields of `Step`."""
+    """The scene with one more step at the end of its list; the other arguments become fields of this `Step`."""
     done = Step(
         step=step,
         program=program,
@@ -284,7 +285,7 @@ def digest(lines: Sequence[str]) -> str:
 
 
 def step_lines(steps: Sequence[Step]) -> list[str]:
-    """The lines of `[[provenance]]`, one table for each step. They have no times: equal steps give an equal file."""
+    """The lines of `[[provenance]]`, one table for each step, without a date: equal steps give equal lines."""
     lines = []
     for step in steps:
         lines += ["", "[[provenance]]", *key_lines(step.model_dump(exclude={"kept"}))]

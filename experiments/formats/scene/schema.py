@@ -80,7 +80,7 @@ class MeshTissueTable(Strict):
 
 
 class MeshPointTable(Strict):
-    """`[[mesh.point]]`: a point of the mesh with a name, on the surface for a mark, inside for the target."""
+    """`[[mesh.point]]`: a named point of the mesh. A mark's point lies on the surface, the target's point inside."""
 
     name: Name
     position_mm: Three
@@ -161,7 +161,7 @@ class TargetTable(Strict):
 class CameraTable(Strict):
     """`[[camera]]`: a homography (only in the plane), a lens with or without a pose, or a camera file.
 
-    If the file is of ROS or OpenCV, which have no pose, the table may state the pose.
+    Camera files of ROS and OpenCV have no pose. Beside such a file, the table may state the pose.
     """
 
     name: Name | None = None
@@ -209,8 +209,8 @@ class UncertaintyTable(Strict):
     """`[uncertainty]`: relative standard deviations of the tissue's constants.
 
     The table has one of two forms. In the first form it states standard deviations for kinds of constants. The errors
-    of all constants are then independent. In the second form it names parameters. Each row of `directions` is then an
-    independent error of the logarithms of these parameters, at one standard deviation.
+    of all constants are then independent. In the second form it names `parameters`. The rows of `directions` are then
+    independent errors of the logarithms of the parameters. Each row has the size of one standard deviation.
     """
 
     stiffness: LogSd | None = None
@@ -249,7 +249,7 @@ class FilterTable(Strict):
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""Steps done on a scene. `simulate`: the recording in the folder was simulated with the scene's constants."""
+"""Names of steps; `simulate`: the recording in the scene's folder was simulated with the scene's constants."""
 
 
 class Step(Strict):

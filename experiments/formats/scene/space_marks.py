@@ -85,10 +85,10 @@ def across(normals: Floats) -> Floats:
 def mark_shapes_px(
     marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, discs: Floats, by_place: Floats
 ) -> Floats:
-    """Shapes of the marks' images, as `Outline.shape_px` [px], (n, 2, 2).
+    """Shapes of the marks' images [px], (n, 2, 2), see `Outline.shape_px`.
 
     places_m: positions of the marks [m], (n, 3); discs: `across(normals)` for the normals of the marks, (n, 3, 2)
-    by_place: derivatives of the image points by the positions [px/m], (n, 2, 3)
+    by_place: derivatives of the image points with respect to the positions [px/m], (n, 2, 3)
     """
     are_balls = np.array([mark.ball for mark in marks])
     if are_balls.any():  # a ball looks like a disc perpendicular to the line of sight

@@ -1,4 +1,4 @@
-"""Chains of rigid links that start in motion, and cables whose free end is moved along a path."""
+"""Chains of rigid links that start in motion, and cables with one fixed end and one end that is moved along a path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.simulation.bodies.simulate import compiled, motion
 LINKS_M = (0.0917, 0.0693, 0.080)
 MASSES_KG = (0.030, 0.012, 0.020)
 LINK_N_M, LINK_N_S_M = 2000.0, 0.5
-"""Stiffness [N/m] and damping [N s/m] that a user would choose for a link that does not stretch."""
+"""Stiffness [N/m] and damping [N s/m] of the spring with which a user models a rigid link."""
 
 HINGE_N_M_S = 1e-5
 SPEED_RAD_S = 3.0
@@ -26,8 +26,8 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend [rad] at which a user's spring over two segments stores as much energy as the true joint; at smaller bends it
-stores less. The value is the root mean square of the bends of these cables, at both speeds."""
+"""Bend of a joint [rad] at which the spring over two segments in the user's network stores as much energy as the true
+joint; at smaller bends this spring stores less. The value is the rms bend of the simulated cables at both speeds."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
@@ -37,7 +37,7 @@ HIDDEN_OF_CABLE = (5, 6, 7)
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     """A pendulum of rigid links in the plane; a camera sees its outer end at 100 Hz.
 
-    If mass or stiffness is scaled, the true links can stretch, because scales would not change rigid links' motion.
+    The motion of rigid links does not depend on mass and stiffness. If one of them is scaled, true links can stretch.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -70,7 +70,7 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
 
 
 def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
-    """XML of a joint with which a link can stretch; empty if neither stiffness nor mass is scaled."""
+    """XML of a joint with which a link can stretch; empty if the factors on stiffness and mass are 1."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'

@@ -27,7 +27,7 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest pressure on a block's lower face, relative to Young's modulus; pressed radius, relative to the side [1]."""
+"""A block is pressed from below: largest pressure / Young's modulus [1], and radius of the pressed area / side [1]."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
@@ -168,7 +168,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Act) -> Any
 
 
 def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Callable[[], Floats]) -> Act:
-    """The action of successive random forces with pauses; forces: gives forces on all nodes [N], (n_nodes, 3)."""
+    """The action of random forces with pauses; each call of `forces` returns forces on all nodes [N], (n_nodes, 3)."""
     own = model.flex_vertbodyid > 0
     between = (0.2, 0.8)
     found = pushes(rng, seconds, lambda: forces()[own], first=(0.2, 0.5), lasts=between, pause=between)

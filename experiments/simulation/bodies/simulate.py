@@ -73,7 +73,7 @@ def pushes(
 
 
 def pushing(bodies: NDArray[np.int64], found: Sequence[Push]) -> Act:
-    """A function that applies the given forces to these bodies of the model."""
+    """A function that applies the forces in `found` to these bodies of the model."""
 
     def act(time_s: float, data: Any) -> None:
         data.xfrc_applied[:] = 0.0
