@@ -16,9 +16,9 @@ Floats = NDArray[np.float64]
 
 
 def made_again(record: DataclassInstance) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Result of `__reduce__`, with which a pickled or copied record is constructed again from its fields.
+    """Result of `__reduce__` for a record: pickling and copying construct the record again from its fields.
 
-    The new record is therefore checked, and its arrays are read-only. For writable arrays, numba would compile its
+    The constructor checks the new record and makes its arrays read-only. For writable arrays, numba would compile its
     kernels again.
     """
     return type(record), tuple(getattr(record, field.name) for field in fields(record) if field.init)

@@ -1,4 +1,4 @@
-"""Linear algebra in one thread during a filter or mesh reduction: for small matrices, further threads only wait.
+"""Linear algebra in one thread while a filter runs or a mesh is reduced: for small matrices, more threads only wait.
 
 OPENBLAS_NUM_THREADS has no effect after NumPy is loaded. The number of threads is therefore set in the loaded OpenBLAS
 libraries of NumPy's and SciPy's wheels. Other libraries are not changed.
@@ -35,7 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS library of NumPy and SciPy.
 
-    The calls keep the interpreter's lock, because a call that releases it may have to wait for other Python threads.
+    The calls keep the interpreter's lock, because other Python threads might delay the return of a released lock.
     """
     found = []
     for package in (numpy, scipy):

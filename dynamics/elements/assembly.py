@@ -20,12 +20,12 @@ COMPILED = (Springs, Weight, Resistance)
 
 
 class Assembly:
-    """Forces of elements on the free coordinates, and sparse tangent matrices; coordinates are in node order.
+    """Forces of elements on the free coordinates, and their tangent matrices. The coordinates are in node order.
 
     Parameters
     ----------
     positions : (n_nodes, dim)
-        Positions of all nodes [m], at which the nodes that are not free stay.
+        Positions of all nodes [m]. Nodes that are not free stay at these positions.
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """For each element matrix entry between free coordinates: its index, and its row and column in the assembly."""
+        """Index of each element matrix entry between free coordinates; row and column of this entry in the assembly."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)

@@ -1,4 +1,4 @@
-"""Reduction of a tissue mesh to a network of points: modes under smooth surface forces, stiffness between points.
+"""Reduction of a tissue mesh to a network of points: vibration modes, and a stiffness matrix of the points.
 
 A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
 forces are therefore smooth fields over the free surface. The modes span the body's responses to these forces and to
@@ -46,35 +46,35 @@ SMOOTH = 0.2
 """Correlation length of surface forces, relative to the body's extent [1]; choice."""
 
 FUNCTIONS = 30
-"""Number of functions that span the surface forces along each axis; numerical: 60 functions with a correlation length
-of 0.15 give the same target estimates in blocks and breasts."""
+"""Number of functions that span the surface forces along each axis; numerical: with 60 functions and a correlation
+length of 0.15, the target estimates in blocks and breasts are the same."""
 
 SAMPLES = 500
-"""Approximate number of surface nodes from which the functions are computed; numerical."""
+"""Approximate number of surface nodes from which the functions of the surface forces are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""Root mean square displacement of the marks and targets in a mode, relative to the body's extent, below which the mode
-is omitted [1]; numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
+"""A mode is omitted if its root mean square displacement of marks and targets is below this share of the body's extent;
+numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces for the selection of modes, divided by the body's mass [m/s²]; choice. For a stiff body, they are
-increased until they displace the points by BENT times the body's extent [1]."""
+"""Surface force that selects the modes, divided by the body's mass [m/s²]; choice. For a stiff body, the force is
+increased until it moves the marks and targets by the share BENT of the body's extent."""
 
 DEPENDENT = 1e-5
-"""Relative singular value below which a direction is linearly dependent on the other modes [1]; numerical."""
+"""A direction depends linearly on the others if its singular value is below this share of the largest; numerical."""
 
 NEAR = 0.02
-"""Largest distance of an outside point that is moved to the surface, relative to the body's extent [1]; choice: some
-millimetres, because measured marks may lie off a coarse surface."""
+"""A point outside the body is moved to the surface if its distance from the surface is at most this share of the body's
+extent [1]; choice: some millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
-"""Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
+"""Radius of the patch that takes the force on a point, as a share of the body's extent; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""A point is fixed if its weights for all free nodes have a sum below this [1]; numerical: positions are rounded."""
+"""A point is fixed if the sum of its weights for the free nodes is below this [1]; numerical: positions are rounded."""
 
 CHUNK = 2**16
-"""Number of strains that are computed at once, to limit the memory; numerical."""
+"""Number of strains in a chunk; numerical: memory holds the strains of only one chunk at a time."""
 
 WALL = 12
 """Largest number of network nodes that show where the body is fixed."""
@@ -90,7 +90,7 @@ class Points(NamedTuple):
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
     """Points of a mesh at given places [m], (k, 3). Places just outside the mesh are moved to its surface.
 
-    Raises MeshError for a place that is further outside.
+    Raises MeshError for a place whose distance from the surface exceeds `NEAR` times the body's extent.
     """
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
@@ -154,7 +154,7 @@ def continuum_network(
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        Threshold for omitted modes, see `LEFT_OUT` [1]. With 0, only linearly dependent modes are omitted.
+        Threshold [1] below which modes are omitted, see `LEFT_OUT`. With 0, only linearly dependent modes are omitted.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def _extent(nodes: Floats) -> float:
 
 
 def _by_axis(weights: csr_array) -> csr_array:
-    """Weights of coordinates, (3 k, 3 n), from weights of nodes, (k, n)."""
+    """Weights of the coordinates, (3 k, 3 n), from weights of the nodes, (k, n); they are the same along each axis."""
     entries = weights.tocoo()
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
@@ -276,7 +276,7 @@ def matern(distances: Floats, length: float) -> Floats:
 def _smooth(places: Floats, length: float, count: int) -> Floats:
     """Functions at places (n, 3), as columns (n, count), by Nystroem's method.
 
-    Their sum, with independent standard normal factors, is a random field with Matern's 3/2 correlation and variance 1.
+    Times independent standard normal numbers, they add up to a field with Matern's 3/2 correlation and variance 1.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
@@ -294,9 +294,9 @@ def _modes(
 ) -> tuple[Floats, Floats]:
     """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²], (r,).
 
-    The modes span the responses to forces, (3 n, n_responses). Combinations of them that hardly move the points are
-    omitted. If the body is not held, the modes also span its affine motions.
-    at_points: displacement of the points in each response, (3 k, n_responses)
+    The modes span the `responses` to forces, (3 n, n_responses), except combinations that hardly move marks or targets.
+    If the body is not held, the modes also span its affine motions.
+    at_points: displacement of the marks and targets in each response, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
     _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
@@ -314,7 +314,7 @@ def _modes(
 
 
 def _by_tissue(strained: Strains, regions: NDArray[np.int64], modes: Floats, n_tissues: int) -> Floats:
-    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r)."""
+    """Stiffness of each tissue in the coordinates of the modes [N/m], (n_tissues, r, r)."""
     found = np.zeros((n_tissues, modes.shape[1], modes.shape[1]))
     for some in np.array_split(np.arange(len(strained.weights)), 1 + len(strained.weights) // CHUNK):
         strain, tissue = strained.matrix[some] @ modes, regions[strained.elements[some]]

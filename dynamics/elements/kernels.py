@@ -49,7 +49,7 @@ class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
     F, rate: deformation gradient and its rate; A: as in the module's docstring; P: stress divided by mu
-    T: derivative of theta with respect to F; M: scratch; cofactors: cofactors of F
+    T: derivative of theta with respect to F; M: intermediate results; cofactors: cofactors of F
     inverse: (tr V I - V)^-1 for the stretch V = F R'. These arrays have the shape (3, 3).
     h: gradients of the corners' weights, multiplied by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
@@ -102,8 +102,8 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
     """Write the rotation of F into R; M: scratch.
 
-    The rotation is the derivative of the sum s of the principal stretches. Newton's method finds s from above as the
-    largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|².
+    The rotation is the derivative of the sum s of the principal stretches. This sum is the largest root of
+    `(s² - |F|²)² - 8 det F s - 4 |cof F|²`. Newton's method starts above this root.
     """
     square, of_cofactors = _double_dot(F, F), _double_dot(cofactors, cofactors)
     s = np.sqrt(3.0 * square)
@@ -124,7 +124,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
-    """Energy density of element e divided by mu, and its theta (see the module); fills s, except `h` and `inverse`.
+    """Energy density of element e divided by mu, and theta (see the module); writes all of s but `h` and `inverse`.
 
     x, v: positions and velocities of the nodes on which the element's energy depends, (n, 3)
     """
@@ -164,7 +164,7 @@ def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
-    """Write `h` and, for the corotated law, `inverse`; returns det F for the neo-Hookean law, else 0."""
+    """Write `h` of s and, for the corotated law, `inverse` of s; returns det F for the neo-Hookean law, else 0."""
     det = _double_dot(s.T, s.F) / 3.0 if law == NEO_HOOKEAN else 0.0
     by = 1.0 / det if law == NEO_HOOKEAN else 1.0
     for a in range(4):
@@ -190,7 +190,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write the derivative of R g_a by corner b into out: [h_a]' (tr V I - V)^-1 [h_b], with [h] y = h × y."""
+    """Write `[h_a]' inverse [h_b]`, the derivative of h_a by the position of corner b, into `out`; `[h] y = h × y`."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k
@@ -204,9 +204,9 @@ def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-untyped-def]
-    """Write the energy of each patch [J], (n_patches,); add the forces on its nodes [N], (n_patches, n_corners, 3).
+    """Write the energy of each patch [J] to `energy`, (n_patches,), and add the forces on its nodes to `force`.
 
-    x, v: positions and velocities of the nodes, shaped as force
+    x, v, force: positions, velocities and forces [N] of the nodes of each patch, (n_patches, n_corners, 3)
     moduli: lambda, mu [Pa], lambda', mu' [Pa s] of each tetrahedron, (m, 4)
     """
     s = _scratch()

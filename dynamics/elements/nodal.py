@@ -20,7 +20,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 class Weight:
-    """Weights as force elements; nodes: index of the node of each element, (n, 1); weight: weights [N], (n, dim)."""
+    """Weights of nodes as force elements; nodes: indices of the nodes, (n, 1); weight: weights [N], (n, dim)."""
 
     def __init__(self, nodes: NDArray[np.int64], weight: Floats) -> None:
         self.nodes, self.weight = nodes, weight
@@ -50,9 +50,9 @@ class Weight:
 
 
 class Resistance:
-    """Viscous drag and dry friction against the ground, as force elements; nodes: node of each element, (n, 1).
+    """Viscous drag and dry friction against the ground, as force elements.
 
-    constants: drag [N s/m] and friction [N], (n,) each
+    nodes: index of the node of each element, (n, 1); constants: drag [N s/m] and friction [N], (n,) each
     """
 
     def __init__(self, nodes: NDArray[np.int64], constants: NodeConstants) -> None:

@@ -2,7 +2,7 @@
 
 A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector. Each shape
 can therefore move the body in any direction. The constant 1 and the rest coordinates are shapes, so affine motions are
-exact. All other shapes come from responses of the body to forces [benner2015].
+exact. All other shapes are computed from the body's responses to forces [benner2015].
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Span:
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Map from dim reduced coordinates for each of r shapes; shapes: (n_nodes, r); masses: (n_nodes,) [kg].
+        """Span of r shapes with dim reduced coordinates for each shape; shapes: (n_nodes, r); masses: [kg], (n_nodes,).
 
         A reduced coordinate is the root mean square displacement weighted by mass [m]. Independent accelerations of the
         nodes give independent reduced accelerations.
@@ -108,7 +108,7 @@ def smooth_shapes(
     forces : (n_nodes dim, n_forces)
         Independent forces as columns; each column is one standard deviation of a force [N].
     rates : sequence of float
-        The forces grow as exp(s t) with each of these rates s [1/s].
+        Growth rates s [1/s]. For each rate, the response to forces that grow as `exp(s t)` is computed.
     least_m : float
         Root mean square displacement, weighted by mass, below which a shape is omitted [m].
     """

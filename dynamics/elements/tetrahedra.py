@@ -26,7 +26,7 @@ LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
 
 
 class TissueConstants(NamedTuple):
-    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s]: one of each per tetrahedron, (m,), or for all.
+    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s] of each tetrahedron, (m,), or one number for all.
 
     At rest the damping matrix is the stiffness matrix multiplied by the damping time.
     """
@@ -55,7 +55,7 @@ class Tetrahedra:
 
     Notes
     -----
-    An inverted neo-Hookean tetrahedron has infinite energy, and its force is not a number.
+    An inverted neo-Hookean tetrahedron has infinite energy, and its force is NaN.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class Tetrahedra:
         return K, C
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force by the logs of Young's modulus, Poisson's ratio and damping [N], shaped as `force`.
+        """Derivatives of the force with respect to the log of each kind of constant [N], shaped as `force`.
 
-        The constants of a patch change together; the derivative for a region is the sum over its patches.
+        The constants of a patch change together. The derivative for a region is the sum over its patches.
         """
         E, nu, damping = (np.asarray(c) for c in self.constants)
         by_nu = E * nu * (1.0 + 2.0 * nu**2) / ((1.0 + nu) * (1.0 - 2.0 * nu)) ** 2, -0.5 * E * nu / (1.0 + nu) ** 2
@@ -118,7 +118,7 @@ class Tetrahedra:
         return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
 
     def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
-        """Moduli for the kernels, (m, 4): lam and mu multiplied by `stored`, and lam and mu multiplied by `damping`."""
+        """Moduli for the kernels, (m, 4): elastic moduli (times `stored`), then viscous moduli (times `damping`)."""
         return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
 
     def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:

@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Largest distance of a node from its drawn position, relative to the longest spring, at which a network rests as drawn
-[1]; choice: 0.01 mm for a spring of 100 mm. Rounding errors are 1e-14 in phantoms."""
+"""A network rests as drawn if no node is further from its drawn position than this share of the longest spring; choice:
+0.01 mm for a spring of 100 mm. Rounding errors have the share 1e-14 in phantoms."""
 
 
 def build_network(
@@ -37,7 +37,7 @@ def build_network(
 
     names: unique names of the n_nodes nodes
     positions: positions of the nodes in the drawn shape [m], (n_nodes, dim), dim 2 or 3
-    edges: the two ends of each of n_springs springs, as names or as indices among the names; no pair twice
+    edges: the two nodes of each of n_springs springs, as names or as indices into `names`; each pair at most once
     stiffness, damping: stiffness of the springs [N/m], damping of the springs' dashpots [N s/m]
     masses, drag, friction: mass [kg], viscous drag [N s/m] and Coulomb friction [N] of the nodes
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
@@ -140,7 +140,7 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
-    """Array (n,) from one value for all or from n values. Raises NetworkError for another number of values."""
+    """Array of n values, from n values or from one value for all. Raises NetworkError for another number of values."""
     array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")

@@ -12,16 +12,16 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts are rounding errors. The rounding errors of a double root are the
-square root of those of a single root."""
+"""Eigenvalues below this share of the largest one are rounding errors, and so are imaginary parts below this share of
+their eigenvalue. The rounding error of a double eigenvalue is the square root of that of a single one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillations:
-    """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
+    """Natural oscillations of a network about a rest shape, from the eigenvalues z of `(z² M + z C + K) u = 0`.
 
-    frequencies_hz: undamped natural frequencies abs(z) / 2 pi of the oscillating motions, ascending [Hz], (n,)
-    damping_ratios: damping ratios -Re z / abs(z) of the oscillating motions [1], (n,)
+    frequencies_hz: undamped natural frequencies `abs(z) / (2 pi)` of the oscillating motions [Hz], (n,), ascending
+    damping_ratios: damping ratios `-Re z / abs(z)` of the oscillating motions [1], (n,)
     decays_s: time constants of the motions that do not oscillate, longest first [s], (m,)
     """
 

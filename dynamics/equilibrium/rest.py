@@ -21,21 +21,21 @@ RESIDUAL = 1e-9
 
 
 RIGID = 1e-9
-"""Relative stiffness that is only a rounding error, such as the stiffness against rigid motion."""
+"""Share of the largest stiffness below which a stiffness is a rounding error, such as that against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
-"""Largest relative change of a rest length: `stable_step` is valid only if no spring's length changes by more."""
+"""Largest relative change of a rest length. After a larger change, the result of `stable_step` is not valid."""
 
 RANK_TOLERANCE = 1e-12
-"""Relative size below which a singular value is only a rounding error [1]."""
+"""Share of the largest singular value below which a singular value is only a rounding error."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
-"""The iteration ends if a step changes no rest length by more than this share: a hundred times the rounding error."""
+"""The iteration ends if no rest length changes by more than this share, which is a hundred times the rounding error."""
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; if it has no anchors, its gravity is set to 0, because an unknown support balances the weight."""
+    """The network or, if it has no anchors, a copy without gravity, because an unknown support balances the weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
@@ -125,9 +125,9 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 
 
 def reaches(network: MassSpringNetwork) -> Floats:
-    """Distance of each node from the nearest anchor [m], (n_nodes,), or, without anchors, from the farthest node.
+    """Distance of each node from its nearest anchor [m], (n_nodes,); if there are no anchors, from its farthest node.
 
-    The distance in a continuum is along a straight line. Otherwise it is the sum of rest lengths along a path.
+    In a continuum, the distance is along a straight line. Otherwise, it is the sum of the rest lengths along a path.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -148,9 +148,9 @@ def fit_rest_lengths(
     known: prior relative standard deviation of the rest lengths [1]
 
     Gauss-Newton steps find the smallest relative changes of rest lengths for which the forces in the measured shape are
-    zero. If sd_m is above 0, they find the most probable changes: the errors of the forces are then the stiffness times
-    the errors of the positions. Raises NetworkError if a rest length has to change by half or more, if the iteration
-    does not converge, or if there is no stable rest shape near the measured shape.
+    zero. If sd_m is above 0, the steps find the most probable changes: the stiffness turns errors of the measured
+    positions into errors of the forces. Raises NetworkError if a rest length has to change by more than half, if the
+    iteration does not converge, or if there is no stable rest shape near the measured shape.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

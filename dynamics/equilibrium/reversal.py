@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """For each set of states, whether any spring is reversed in a state, compared with the first state, (n_sets,).
+    """Whether a spring in any state of a set is reversed with respect to the first state of the set, (n_sets,).
 
     A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]

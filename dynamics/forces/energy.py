@@ -43,7 +43,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 
 
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
-    """Potential energy of springs and gravity [J], [paper] (5); positions: of all nodes [m], (n_nodes, dim)."""
+    """Potential energy of springs and gravity [J], [paper] (5); positions: all nodes' positions [m], (n_nodes, dim)."""
     x = np.asarray(positions, dtype=float)
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()
@@ -55,6 +55,6 @@ def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
 
 
 def kinetic_energy(network: MassSpringNetwork, velocities: ArrayLike) -> float:
-    """Kinetic energy [J], [paper] (4); velocities: of all nodes [m/s], (n_nodes, dim)."""
+    """Kinetic energy [J], [paper] (4); velocities: all nodes' velocities [m/s], (n_nodes, dim)."""
     v = np.asarray(velocities, dtype=float)[network.free]
     return float(0.5 * network.masses[network.free] @ (v * v).sum(axis=1))

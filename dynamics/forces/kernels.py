@@ -28,8 +28,8 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]; numerical: true friction jumps at speed 0, but integrators need a
-derivative. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
+"""Speed at which friction reaches 71 % of its full value [m/s]; numerical: true friction jumps at speed 0, but needs a
+derivative here. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -39,7 +39,7 @@ FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
 
 
 class SpringConstants(NamedTuple):
-    """Constants of one spring, or arrays (n_springs,) for all: stiffness [N/m], rest length [m], damping [N s/m]."""
+    """Stiffness [N/m], rest length [m] and damping [N s/m] of one spring, or of all springs, (n_springs,) each."""
 
     stiffness: Floats
     rest_length: Floats
@@ -47,7 +47,7 @@ class SpringConstants(NamedTuple):
 
 
 class NodeConstants(NamedTuple):
-    """Constants of one node, or arrays (n_nodes,) for all: drag [N s/m], Coulomb friction [N]."""
+    """Drag [N s/m] and Coulomb friction [N] of one node, or of all nodes, (n_nodes,) each."""
 
     drag: Floats
     friction: Floats
@@ -83,7 +83,7 @@ def spring_tension(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats
 
 
 def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
-    """Stored energy [J]. Its derivative with respect to the length is the tension at rate 0."""
+    """Stored energy [J]. Its derivative with respect to the length is the tension of a spring of constant length."""
     return 0.5 * c.stiffness * (length - c.rest_length) ** 2
 
 
@@ -265,8 +265,8 @@ def state_rate(  # type: ignore[no-untyped-def]
 def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 
-    outside: force on each free coordinate, constant during the steps [N], (n_points, n_free dim)
-    nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
+    outside: constant force on each free coordinate [N], (n_points, n_free dim)
+    nodes: positions of all nodes [m], (n_nodes, dim), of which only the anchors are used
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -329,8 +329,8 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among all free coordinates, -1 for an anchor
-    definite: whether to replace negative stiffness, such as T / l across a compressed spring, by 0. K and C are
-        then semidefinite, and an implicit step damps buckling
+    definite: whether negative stiffness, such as `T / l` across a compressed spring, is set to 0. K and C are then
+        semidefinite, and an implicit step damps buckling
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0
@@ -375,8 +375,8 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
     """Force on the free coordinates [N], (n,), and minus its derivatives by q [N/m] and v [N s/m], (n, n) each.
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
-    springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: if False, the derivatives are empty
-    In contrast to `tangents`, the derivatives are exact: they include rotations of dashpots and the slope of friction.
+    springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: if False, no derivatives are computed
+    Unlike `tangents`, the derivatives are exact: they include rotations of dashpots and the derivative of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -430,14 +430,14 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of the step that the first stage (trapezoidal rule) covers: both stages then have one matrix [bank1985]."""
+"""Share of the step in the first stage (trapezoidal rule). Both stages then have the same matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Number of Newton iterations in a stage, and largest number if the iterations do not contract; numerical: a spring of
-2e7 N/m oscillates equally with two and with four iterations."""
+"""Least and largest number of Newton iterations in a stage; numerical: a spring of 2e7 N/m oscillates equally with two
+and with four iterations. After the least number, the iterations go on only while they do not contract."""
 
 CONTRACTED = 0.5
-"""Ratio of the speed changes in two successive iterations above which tangents are recomputed at the present state."""
+"""If an iteration changes the speeds by more than this share of the change before, tangents are computed again."""
 
 STILL = 1e-12
 """Relative change of position below which the iteration of a stage ends: further changes are rounding errors."""
@@ -445,7 +445,7 @@ STILL = 1e-12
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) with (L L')^-1 right; L (n, n) is lower triangular."""
+    """Overwrite `right`, (n,), with `(L L')^-1 right`; L, (n, n), is lower triangular."""
     n = len(right)
     for i in range(n):
         entry = 0.0
@@ -461,7 +461,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
-    """Lower triangular L with L L' = M + weight C + weight² K. The tangents are written into K and C."""
+    """Lower triangular L with `L L' = M + weight C + weight² K`; also writes the tangents into the arrays K and C."""
     tangents(x, v, p, place, np.bool_(True), K, C)  # not a literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
@@ -471,7 +471,7 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
-    """Solve (q, v) = target + weight (v, a(q, v)) by Newton iterations from `now`, and overwrite `now`.
+    """Solve `(q, v) = target + weight (v, a(q, v))` by Newton iterations from `now`, and overwrite `now`.
 
     L: factor of the tangents near the solution, see `_factorise`
     renew: whether each iteration computes L again; after an iteration that did not contract, L is always computed
@@ -610,7 +610,7 @@ def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
 def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # type: ignore[no-untyped-def]
     """Add the needle's force to `force` (n_nodes, dim, 1); returns the contact force [N] before the puncture, else 0.
 
-    at: tip (dim,), direction (dim,), speed along it, length in the tissue
+    at: the needle's tip (dim,), its direction (dim,), its speed along this direction, its length in the tissue
     """
     tip, u, speed, inserted = at
     n_nodes, dim = nodes.shape
@@ -655,8 +655,8 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
     """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether the skin is punctured.
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
-    place: the present time and the length of a step, both divided by the interval between samples
-    moves: at the start, the needle's tip (dim,), velocity (dim,), direction (dim,) and length inside the tissue
+    place: the time at the start and the length of a step, each divided by the interval between samples
+    moves: the needle's tip (dim,), velocity (dim,), direction (dim,) and length in the tissue, at the start
     punctured: whether the skin is punctured at the start
     """
     n_nodes, dim = nodes.shape
@@ -709,7 +709,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 @njit(cache=True, nogil=True)
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
-    """Derivative of the force on free coordinates by the log of n constants [N], (n_points, n, n_state / 2).
+    """Derivatives of the forces on free coordinates by the logs of n constants [N], (n_points, n, n_state / 2).
 
     states: (n_points, n_state); nodes: positions of all nodes [m], (n_nodes, dim), of which only anchors are used
     kinds: index of each constant's kind in KINDS, (n,); indices: index of the constant's spring or node, (n,)
@@ -728,7 +728,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """Write `parameter_forces_each` of one state into the zeros of out, (n, n_free dim); x, v: (n_nodes, dim)."""
+    """Add `parameter_forces_each` for one state to `out`, an array of zeros, (n, n_free dim); x, v: (n_nodes, dim)."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

@@ -28,7 +28,7 @@ LARGEST_LOG = float(np.log(np.finfo(float).max))
 """Largest logarithm whose exponential is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Relative variance that is only a rounding error."""
+"""Share of the original variance below which the variance that remains is only a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterUncertainty:
-    """Uncertainty of constants: the errors of their logs are sums of n_directions independent errors.
+    """Uncertainty of constants. The error of the log of each constant is a sum of n_directions independent errors.
 
     parameters: the uncertain constants
     directions: change of the log of each constant by one standard deviation of each independent error [1],
-        (n_directions, n_parameters); the covariance of the logs is directions.T @ directions
+        (n_directions, n_parameters); the covariance of the logs is `directions.T @ directions`
 
     Raises NetworkError for other shapes, numbers that are not finite, and standard deviations above `LARGEST_LOG`.
     """
@@ -81,7 +81,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Sum of this uncertainty and another one, whose errors are independent of the errors of this one."""
+        """Combined uncertainty: the errors of this uncertainty and of the other one are independent and add up."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -103,9 +103,9 @@ def strain_uncertainty(
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
     For two springs along the unit vectors n and m, the covariance of the relative changes of the rest lengths is
-    sd² exp(-d² / 2 l²) (n · m)², with d the distance between the middles of the springs. A pivoted Cholesky
+    `sd² exp(-d² / 2 l²) (n · m)²`, with d the distance between the middles of the springs. A pivoted Cholesky
     decomposition [harbrecht2012] approximates this covariance.
-    sd: standard deviation of the strain along any direction [1]; length: l, relative to the body's longest side [1]
+    sd: standard deviation of the strain along any direction [1]; length: l divided by the body's longest side [1]
     n_directions: largest rank of the approximation
     """
     which = parameters(network, ("rest_length",))
@@ -215,7 +215,7 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """Derivatives of forces by the logs of the constants [N], (..., n, n_state / 2), for states (..., n_state)."""
+        """Derivatives of the forces by the logs of n constants [N], (..., n, n_state / 2), at states (..., n_state)."""
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

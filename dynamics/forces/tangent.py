@@ -18,8 +18,8 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
-"""Classical Runge-Kutta is stable if step times eigenvalue has at most this modulus and no positive real part (Hairer
-and Wanner, IV.2, figure 2.1)."""
+"""Classical Runge-Kutta is stable if the product of the step and each eigenvalue has at most this modulus and no
+positive real part (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
 """Ratios of length to rest length at which `stable_step` computes the stiffness of a spring."""
@@ -29,7 +29,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
     """Second derivative of potential energy with respect to free coordinates [N/m], (n_free dim, n_free dim).
 
     positions: positions of all nodes [m], (n_nodes, dim)
-    A spring of length l and tension T along n contributes dT/dl n n' + T / l (I - n n').
+    A spring of length l and tension T along the unit vector n contributes `dT/dl n n' + T / l (I - n n')`.
     """
     n, lengths = _directions(network, positions)
     c = spring_constants(network)
@@ -56,7 +56,7 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
 
 
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """Matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
+    """Matrix A of the linear motion `d(state)/dt = A (state - rest)` about a rest shape, (n_state, n_state).
 
     positions: positions of all nodes at rest [m], (n_nodes, dim)
     speed_m_s: speed at which the resistance of the nodes is computed [m/s]
@@ -71,10 +71,10 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 
 
 def stable_step(network: MassSpringNetwork) -> float:
-    """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
+    """Longest step [s] with which Runge-Kutta is stable, if each spring has 0.5 to 1.5 times its rest length.
 
-    The eigenvalues of the linearised motion have magnitudes of at most (d + sqrt(d² + 4 w²)) / 2. Here w² and d are the
-    largest eigenvalues of two graph Laplacians divided by the masses. The Laplacians are weighted by the largest
+    The eigenvalues of the linearised motion have magnitudes of at most `(d + sqrt(d² + 4 w²)) / 2`. Here w² and d are
+    the largest eigenvalues of two graph Laplacians divided by the masses. The Laplacians are weighted by the largest
     stiffness and the largest damping that each spring has at these lengths.
     """
     c = spring_constants(network)

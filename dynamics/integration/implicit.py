@@ -14,11 +14,11 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Largest number of coordinates with which each Newton iteration computes tangents, as springs of 2e7 N/m require. With
-more coordinates, all iterations use the tangents at the step's start, which suffices for springs of up to 2e5 N/m."""
+"""Up to this number of coordinates, each Newton iteration computes new tangents, because springs of 2e7 N/m need them.
+With more coordinates, all iterations use the tangents at the step's start: springs of up to 2e5 N/m need no others."""
 
 ROUNDING = 1e-9
-"""Relative stiffness that is only a rounding error."""
+"""Share of a matrix's largest entry below which a stiffness is only a rounding error."""
 
 DRIVEN = 1e12
 """Factor by which the mass of a driven node is multiplied, so that forces do not change its velocity [1]; numerical."""
@@ -28,9 +28,9 @@ DRIVEN = 1e12
 class Linearised:
     """Derivatives of the state after an interval, for k states.
 
-    F: derivative by the state at the start of the interval, (k, n_state, n_state)
-    by_force: derivative by constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
-    half: derivative by the state in the middle of the interval; F if the interval is a single step
+    F: derivative with respect to the state at the start of the interval, (k, n_state, n_state)
+    by_force: derivative with respect to constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
+    half: derivative with respect to the state in the middle of the interval; F if the interval is a single step
     """
 
     F: Floats
@@ -41,7 +41,7 @@ class Linearised:
 class ImplicitStepper:
     """Implicit integrator for states of one network: compiled TR-BDF2 steps of at most LONGEST_STEP.
 
-    The steps are L-stable [bank1985]: their length does not depend on stiffness, and motions faster than a step decay.
+    The steps are L-stable [bank1985]: stiffness does not limit their length, and they damp motions faster than a step.
     """
 
     def __init__(self, network: MassSpringNetwork) -> None:
@@ -53,7 +53,7 @@ class ImplicitStepper:
         return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
-        """Number of equal steps for an interval of dt [s]: a power of two, because `linearised` squares matrices."""
+        """Number of equal steps for an interval of dt [s]: a power of two, as `linearised` only squares matrices."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
@@ -118,7 +118,7 @@ class ImplicitStepper:
 
 
 def _times(lower: Floats, step: float, right: Floats) -> Floats:
-    """Product W right with W = (1, 0; 0, 0) + (step, 1)' lower; lower: (k, n, 2 n), right: (k, 2 n, m)."""
+    """Product of W and `right`, (k, 2 n, m); W has the rows `(1, 0) + step lower` above `lower`, (k, n, 2 n)."""
     n = lower.shape[1]
     below = lower @ right
     return np.concatenate([right[:, :n] + step * below, below], axis=1)

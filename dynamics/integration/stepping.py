@@ -22,7 +22,7 @@ LONGEST_STEP = 1.0 / 240.0
 SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
-"""Relative excess of an interval over n steps, up to which n steps are enough: times are often rounded to 1 ns [1]."""
+"""Relative excess of an interval over n steps that requires no further step [1]: times are often rounded to 1 ns."""
 
 
 class Stepper:

@@ -16,13 +16,14 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Largest number of steps; largest change of a factor in a step; change below which the fit ends [1]; numerical."""
+"""Largest number of steps of the fit; largest change of a factor in a step; the fit ends if all changes are below
+CONVERGED; numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
     """Spring stiffness [N/m], (n_springs,), by van Gelder's formula; young: Young's modulus of each tetrahedron [Pa].
 
-    Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
+    Each tetrahedron of volume V adds `E V / l²` to each of its edges, with the length l of the edge [vangelder1998].
     """
     return lattice.of_springs(young * lattice.mesh.volumes) / lattice.lengths**2
 
@@ -30,7 +31,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
     """Spring stiffness [N/m], (n_springs,), by Lloyd's formula; young: Young's modulus of each tetrahedron [Pa], (m,).
 
-    Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of the same volume [lloyd2007].
+    Each tetrahedron adds `2 sqrt(2) / 25 E l` to its edges; l: edge of a regular tetrahedron of its volume [lloyd2007].
     """
     edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
     return lattice.of_springs(2.0 * np.sqrt(2.0) / 25.0 * young * edge)
@@ -39,14 +40,16 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
     """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on the spring's direction.
 
-    A spring along n has the factor exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q]; factors: [1], (6,).
+    The log of the factor of a spring along the unit vector n is the sum of `factors[q] (n[i] n[j])²` over all pairs
+    `i, j = PAIRS[q]`. factors: [1], (6,)
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
 
 class Sample(NamedTuple):
-    """A lattice for `fitted_factors`; stiffness: stiffness of the springs before the fit [N/m], (n_springs,).
+    """A lattice and its wanted moduli, for `fitted_factors`.
 
+    stiffness: stiffness of the springs before the fit [N/m], (n_springs,)
     young: wanted Young's moduli along `DIRECTIONS` [Pa], (6,)
     """
 
@@ -58,7 +61,7 @@ class Sample(NamedTuple):
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
     """Factors for `directed` [1], (6,), with which lattices of one structure get the wanted Young's moduli.
 
-    The moduli of one lattice are met exactly. The logs of the moduli of several lattices are met by least squares.
+    For one lattice, the fit is exact. For several lattices, it minimises the squared errors of the logs of the moduli.
     Raises ValueError if no factors are found.
     """
     factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
@@ -85,9 +88,9 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Logs of the ratios of wanted to present moduli, (6,), and derivatives of the logs of present moduli, (6, 6).
+    """Missing change of the log of each modulus, (6,), and derivatives of these logs by the factors, (6, 6).
 
-    Under unit tension of a volume V, d(1/E) = -sum over springs of e² dk / V, with the elongation e of each spring.
+    Under unit tension, `d(1/E) = -sum(e² dk) / V`, with the volume V, and with elongation e and stiffness k of springs.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

@@ -23,16 +23,16 @@ JITTER = 0.2
 """Largest random shift of points, relative to a grid cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Distance between two points, relative to a grid cell, below which one point is omitted [1]; choice: this avoids flat
+"""If the distance between two points is below this share of a grid cell, one point is omitted; choice: this avoids flat
 tetrahedra."""
 
 FLATTEST = 1e-3
-"""Volume of a tetrahedron, relative to its longest edge cubed, below which the tetrahedron is omitted [1]; choice. All
-omitted tetrahedra together have about 1e-5 of the cube's volume."""
+"""A tetrahedron is omitted if its volume is at most this share of its longest edge cubed; choice. Together, the omitted
+tetrahedra have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Number of Newton steps that move a point to a surface; half-width of the central differences of the distance to the
-surface, relative to the side of the cube [1]; numerical."""
+"""Number of Newton steps that move a point to a surface. Half-width of central differences, relative to the side of the
+cube [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ class Lattice:
 
     @property
     def crossing(self) -> NDArray[np.bool_]:
-        """Whether a surface lies between a spring's ends, over 1 % of the spring's length from both, (n_springs,)."""
+        """Whether a spring crosses a surface more than 1 % of the spring's length away from both ends, (n_springs,)."""
         ends = self.depths[self.springs]
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 
@@ -181,5 +181,5 @@ def _directions(x: Floats, springs: NDArray[np.int64]) -> Floats:
 
 
 def _gradients(depth: Depth, x: Floats) -> Floats:
-    """Gradients, (n, 3), of a depth function at points, (n, 3), by central differences."""
+    """Gradients of the distance to the nearest surface, (n, 3), at points, (n, 3), by central differences."""
     return np.stack([(depth(x + step) - depth(x - step)) / (2.0 * STEP) for step in STEP * np.eye(3)], axis=1)

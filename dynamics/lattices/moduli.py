@@ -26,11 +26,11 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Axes of each component of strain."""
 
 ON_FACE = 1e-6
-"""Largest distance of a node on a face from this face, relative to the side of the box [1]; numerical."""
+"""A node lies on a face if its distance from the face is below this share of the side of the box; numerical."""
 
 LOOSE = 1e-10
-"""Pivot of the factored stiffness, relative to the largest diagonal entry of the stiffness, below which a node moves
-without force [1]; numerical: in lattices of tissues, the least pivot is about 1e-3."""
+"""If a pivot of the factored stiffness is below this share of the stiffness's largest diagonal entry, a node moves
+without force; numerical: in lattices of tissues, the least pivot has a share of about 1e-3."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -92,7 +92,7 @@ def orthotropic_moduli(stiffness: Floats) -> Moduli:
 
 
 def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
-    """Unit vectors for pairs of axes, (n, 3): the axis if a pair names one axis twice, else the diagonal."""
+    """Unit vector for each of n pairs of axes, (n, 3): the axis if both are equal, else the diagonal between them."""
     each = np.array([np.eye(3)[i] + np.eye(3)[j] for i, j in pairs])
     return np.asarray(each / np.linalg.norm(each, axis=1, keepdims=True))
 
@@ -109,7 +109,7 @@ def tension(directions: Floats) -> Floats:
 
 
 def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
-    """Stiffness [Pa], (6, 6), of a box from six virtual tests. Normal and shear strains are assumed to be uncoupled.
+    """Stiffness of a box [Pa], (6, 6), from six virtual tests. Normal and shear strains are assumed to be uncoupled.
 
     K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: positions of the nodes [m], (n, 3). Raises
     NetworkError for a loose node, which moves without force.
@@ -118,7 +118,7 @@ def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
 
 
 def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
-    """Stiffness [Pa], (6, 6), from the energies of six virtual tests; moved: displacements of all nodes, (3 n, 6)."""
+    """Stiffness [Pa], (6, 6), from the energies of the tests in `strained`; moved: result of `strained`, (3 n, 6)."""
     C = moved.T @ (K @ moved) / volume
     C[:3, 3:] = C[3:, :3] = 0.0
     C[3:, 3:] = np.diag(np.diag(C)[3:])
@@ -126,7 +126,7 @@ def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
 
 
 def strained(K: csc_array, nodes: Floats) -> Floats:
-    """Displacements of all nodes, (3 n, 6), in six virtual tests with one unit strain each."""
+    """Displacements of all nodes, (3 n, 6), in six virtual tests: in each, one component of the mean strain is 1."""
     on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
     for q, (i, j) in enumerate(PAIRS):  # Affine: strain times position
         moved[:, i, q] += 0.5 * nodes[:, j]
@@ -169,7 +169,7 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set the displacements in `moved`, (3 n, k), that are not `given`, (n, 3), to their values at equilibrium.
+    """Set `moved`, (3 n, k), to the displacements at equilibrium, except where `given`, (n, 3), is true.
 
     Raises NetworkError for a loose node, which moves without force.
     """

@@ -15,17 +15,17 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Function from points, (n, 3), to their distances from the surface of each tissue, (n_tissues, n), except the
-surrounding tissue. Points and distances are relative to the side of the cube."""
+"""Function from points, (n, 3), to their distances from the surfaces of all tissues but the surrounding one,
+(n_tissues, n). Points and distances are relative to the side of the cube."""
 
 THICK, WALL = 0.12, 0.08
-"""Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side of the cube.
+"""Thickness of layers, ducts and fibres; thickness of a foam's walls; both relative to the side of the cube.
 
 A lattice of ten cells per side does not resolve the walls: over six foams, 4.8 % of the springs cross a surface, and
-walls fill 55.9 % of the mesh in place of 53.4 %."""
+walls fill 55.9 % of the mesh instead of 53.4 %."""
 
 LAYERS, WAVE = 3, 0.04
-"""Number of layers, and amplitude of their waves, relative to the side of the cube."""
+"""Number of layers; amplitude of the waves of each layer, relative to the side of the cube."""
 
 CELLS = 3
 """Number of foam cells along a side; the number of lobules along a side is one less."""
@@ -34,7 +34,7 @@ RADIUS = 0.16
 """Radius of lobules, relative to the side of the cube."""
 
 FIBRES = 4
-"""Number of fibres along a side; all of them run along x."""
+"""Number of fibres side by side along y, and along z. All fibres run along x."""
 
 SHIFT = 0.06
 """Largest random shift of the centres of foam cells and lobules, relative to the side of the cube. For fibres, the

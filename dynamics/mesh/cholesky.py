@@ -20,8 +20,8 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""A part of the mesh is not halved if the sum of its cells' node counts is at most this [1]; numerical: with half or
-twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
+"""A part of the mesh is halved if its cells have more nodes than this, with a node counted once for each of its cells;
+numerical: with half or twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
@@ -67,7 +67,7 @@ class MeshCholesky:
         self._fronts = elimination.fronts
 
     def solve(self, forces: Floats) -> Floats:
-        """Solutions x of K x = forces; forces, x: (n dim, k)."""
+        """Solutions x of `K x = forces`; forces, x: (n dim, k)."""
         x = np.array(forces, dtype=float, order="C")
         for own, others, chol, coupling in self._fronts:
             x[own] = solve_triangular(chol, x[own], lower=True, check_finite=False)
@@ -93,7 +93,7 @@ class _Contribution(NamedTuple):
 class _Elimination:
     """Elimination of the rows of K, part by part (nested dissection).
 
-    lowest: least coordinates of each cell [m], (m, 3); shared: number of cells at each node, (n,)
+    lowest: smallest x, y, z of the nodes of each cell [m], (m, 3); shared: number of cells at each node, (n,)
     local: index of each row of K in the present front, (n dim,); -1 for eliminated rows
     """
 

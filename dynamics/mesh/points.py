@@ -11,7 +11,7 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
 
 INSIDE = -1e-9
-"""Least barycentric weight with which a point lies inside an element [1]; numerical."""
+"""A point lies inside an element if none of its barycentric weights is below this [1]; numerical."""
 
 
 def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -27,7 +27,7 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """As `locate`, also for points outside the mesh: the element that maximises the smallest barycentric weight."""
+    """As `locate`, but for any point: the element is the one in which the point's smallest weight is largest."""
     gradients = np.ascontiguousarray(mesh.gradients.transpose(1, 2, 0))
     centres = np.ascontiguousarray(mesh.nodes[mesh.elements].mean(axis=1).T)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
@@ -43,7 +43,7 @@ def locate_on_surface(
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Face nearest to each point, (k,), weights of the face's corners, (k, 3), and distance from the face [m], (k,).
 
-    faces: (n_faces, 3) int as in `surface`; points: [m], (k, 3)
+    faces: nodes of each face, (n_faces, 3), as in `surface`; points: positions [m], (k, 3)
     """
     corners, n = mesh.nodes[faces], len(faces)
     edges = corners[:, [1, 2, 0]] - corners
@@ -70,7 +70,8 @@ def locate_on_surface(
 def far_apart(places: Floats, count: int, first: Sequence[int] | NDArray[np.int64] = (0,)) -> NDArray[np.int64]:
     """Indices of at most `count` places that are far from each other.
 
-    Each place is the one farthest from all places chosen before. places: [m], (n, 3); first: indices to begin with
+    The next place is always the one that is farthest from the places already chosen.
+    places: positions [m], (n, 3); first: indices of the places that are chosen first
     """
     chosen = [int(index) for index in first]
     away = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)

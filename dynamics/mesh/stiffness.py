@@ -13,7 +13,7 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Number of elements in a patch [1]; choice: beams in tests bend equally with 8 or more, and a tenth less with 4."""
+"""Size of a patch; choice: with 8 or more elements, beams in tests bend equally; with 4, they bend a tenth less."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
@@ -54,8 +54,8 @@ class Strains(NamedTuple):
     Attributes
     ----------
     matrix : (k, 3 n_free) csr_array
-        Strains per displacement [1/m], columns node-major: three normal strains and three shears of each element, and
-        the mean dilatation of each patch.
+        Strains per displacement [1/m]. Rows: normal strains of all elements, shears of all elements, mean dilatations
+        of all patches. Columns: coordinates, node-major.
     weights : (k,)
         Modulus times volume for each strain [N m].
     elements : (k,) int

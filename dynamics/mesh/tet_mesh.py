@@ -47,7 +47,7 @@ class TetMesh:
     Raises
     ------
     MeshError
-        If elements are flat or inverted, a node is in no element, the body has several parts, or exceeds 2 m.
+        If an element is flat or inverted, a node is in no element, or the body has several parts or exceeds 2 m.
     """
 
     nodes: Floats

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Tissue:
-    """A kind of tissue: Young's modulus [Pa], Poisson's ratio [1], density [kg/m³], damping / stiffness [s]."""
+    """Young's modulus [Pa], Poisson's ratio [1], density [kg/m³] and ratio of damping to stiffness [s] of a tissue."""
 
     name: str
     young_pa: float

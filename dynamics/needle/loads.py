@@ -31,7 +31,7 @@ GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
 """Nominal outer diameters of needles by gauge [mm]; source: [iso9626]."""
 
 SHAFT = np.polynomial.legendre.leggauss(8)
-"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft; numerical: exact up to degree 15."""
+"""Gauss-Legendre points and weights on (-1, 1) for shaft friction; numerical: exact up to polynomial degree 15."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,14 +50,15 @@ class NeedlePose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleMechanics:
-    """Motion of a needle and the constants of its forces, which `docs/needle.md` explains.
+    """Motion of a needle, and the constants of its forces; `docs/needle.md` explains these constants.
 
     pose: function from time [s] to the needle's pose; entry: point where the needle meets the skin at rest [m], (dim,)
     radius_m: radius of the shaft [m]
     puncture_N: contact force at which the skin is punctured [N]
     contact_N_m: contact force per depth of the dent before the puncture [N/m]
     cutting_N: cutting force at the tip [N]; friction_N_m: friction along the shaft, per length [N/m]
-    reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
+    reach_m: width of the kernel that distributes a force [m]
+    slip_m_s: sliding speed at which friction reaches 71 % of its full value [m/s]
 
     The defaults define the simulated needle, of 16 gauge, in a soft phantom; they are not settings of an estimator.
     Raises ValueError for impossible values.
@@ -85,7 +86,7 @@ class NeedleMechanics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleLoad:
-    """Forces between needle and tissue at one time, for one state or a batch of states (...).
+    """Forces between needle and tissue at one time, for one state or for a batch of states of the shape (...).
 
     nodes: force on each node, including anchors [N], (..., n_nodes, dim)
     on_needle: force of the tissue on the needle, as a sensor at the hub reads it [N], (..., dim)
@@ -125,7 +126,7 @@ def straight_insertion(
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
     """Weights that distribute a force at each point over the nodes, (..., n_nodes). Their sum is one.
 
-    points: [m], (..., dim)
+    points: positions [m], (..., dim)
     The weights are a Gaussian kernel of the distance to the nodes in the drawn shape. Far from all nodes, the nearest
     node gets the whole force.
     """
@@ -186,8 +187,8 @@ def distributed_force(
     """Known input of a filter: a measured axial force, distributed over the free nodes [N], (n_free, dim).
 
     push_N: force on the tissue along the needle [N]; a sensor at the hub reads the opposite force
-    Before the puncture the force acts at the entry. After the puncture, it is distributed over tip and shaft in
-    proportion to the cutting force and the full friction.
+    Before the puncture, the force acts at the entry. After the puncture, it is distributed over tip and shaft in
+    proportion to the largest cutting and friction forces.
     """
     pose = needle.pose(t)
     points, parts = needle.entry[None], np.ones(1)

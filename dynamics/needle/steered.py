@@ -3,9 +3,9 @@
 `dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance. Here the
 motion is given piece by piece, and a whole insertion takes milliseconds.
 
-A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because these forces change
-steeply at small sliding speeds. The modes omit a part of the points' displacement. This part follows the forces without
-delay, by the residual flexibility [macneal1971].
+The trapezoidal rule integrates the modes of a continuum. Each step solves for cutting and friction, because these
+forces change steeply at small sliding speeds. The modes omit a part of the nodes' displacement. This part is the
+residual flexibility [macneal1971] times the present forces.
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ SOLID_STEP = 1.0 / 960.0
 """Longest step for a continuum [s]; numerical: the error is 5 µm, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Largest number of iterations for the sliding speeds, and change of a speed, relative to the slip velocity, below
-which the iterations end [1]; numerical."""
+"""Largest number of iterations for the sliding speeds. The iterations end earlier if no speed changes by more than SLID
+times the slip velocity; numerical."""
 
 OF_STABLE = 0.25
-"""Longest step for stiff springs, relative to `stable_step`; numerical: the fastest vibration loses 0.1 % per step."""
+"""Longest step for stiff springs divided by `stable_step`; numerical: the fastest vibration loses 0.1 % of its energy
+per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +95,7 @@ def advance_steered(
 ) -> tuple[Floats, bool]:
     """State after an interval of time, (n,), and whether the skin is punctured at the end.
 
-    state: state at the start, as from `steady_state`, (n,); punctured: whether the skin is punctured at the start
+    state: state at the start, such as `steady_state`, (n,); punctured: whether the skin is punctured at the start
     between_s: start and end of the interval [s]
     needle: constants of the forces; the pose and the entry come from `motion`
     Raises ValueError if the interval ends before it starts.
@@ -135,7 +136,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum, and at most FINEST_STEP for springs."""
+    """Longest step [s]: SOLID_STEP for a continuum; for springs FINEST_STEP, or less if the springs are stiff."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -149,7 +150,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps, and whether the skin is punctured; steps: forces, start, step [s], n."""
+    """State of a continuum after n steps, and whether the skin is punctured; steps: forces, start [s], step [s], n."""
     solid, (outside, start, dt, n) = network.continuum, steps
     assert solid is not None  # the caller checks it
     give, r, drawn = _residual(network), len(solid.rates), network.positions
@@ -211,9 +212,10 @@ def _solid_steps(
 
 
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
-    """Cutting and friction forces f(u) [N], (n,), at the sliding speeds u that solve u = free - gives f(u).
+    """Cutting and friction forces f(u) [N], (n,), at the sliding speeds u that solve `u = free - gives f(u)`.
 
-    free: speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: largest forces [N], (n,)
+    free: speeds without these forces [m/s], (n,); gives: loss of speed per force [m/s/N], (n, n)
+    most: largest forces [N], (n,)
     """
     u, secant = free, np.zeros_like(most)
     for _ in range(SLIDES):
@@ -227,7 +229,7 @@ def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
 
 @lru_cache(maxsize=16)
 def _residual(network: MassSpringNetwork) -> Floats:
-    """The residual flexibility of a network's continuum [m/N], (n_free dim, n_free dim)."""
+    """Cached `Continuum.residual` of a network's continuum [m/N], (n_free dim, n_free dim)."""
     assert network.continuum is not None  # the caller checks it
     return network.continuum.residual
 
@@ -237,7 +239,8 @@ def sliding_friction(
 ) -> Floats:
     """Forces on the free nodes [N], (n, n_free, dim), due to a needle with full cutting force and full friction.
 
-    tips: positions of the tip after the puncture [m], (n, dim); depths: depths of the tip in the tissue [m], (n,)
+    tips: positions of the tip after the puncture [m], (n, dim); direction: unit vector along the needle, (dim,)
+    depths: depths of the tip in the tissue [m], (n,)
     """
     deep = np.maximum(0.0, np.asarray(depths, dtype=float))
     back = 0.5 * deep[:, None] * (SHAFT[0] + 1.0)

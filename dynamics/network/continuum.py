@@ -11,15 +11,15 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Squared angular frequency of a mode, relative to the largest one, below which no stiffness resists the mode [1]."""
+"""No stiffness resists a mode whose squared angular frequency is below this share of the largest one [1]."""
 
 FREE = 0.2
-"""Assumed growth rate of forces, so that the response of a free body is finite [1/s]; numerical."""
+"""Assumed growth rate of forces [1/s]; numerical: constant forces would move a free body without limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn: its vibration modes, and its matrices condensed to the free nodes of the network.
+    """Vibration modes of a solid that rests as drawn, and its matrices condensed to the free nodes of the network.
 
     A modal coordinate is the root mean square displacement of the body, weighted by mass. The mass of each mode is
     therefore the mass of the whole body. If a driven wall holds the body, the first six modes are the rigid motions of
@@ -44,8 +44,8 @@ class Continuum:
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue divided by mass [1/s²]; their sum is the diagonal matrix of `rates`.
     forces : (n_modes, any)
-        Modal accelerations due to force fields of 1 m/s² times the mass of the body [1]. The first three fields are
-        uniform forces along the axes, and the others are smooth surface forces.
+        Acceleration of each mode divided by the strength of each force field [1]; strength: force per mass of the body.
+        The first three fields are uniform forces along the axes, and the others are smooth surface forces.
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -88,18 +88,18 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Static displacement of the points per acceleration of the body along each axis [s²], (n_free dim, dim)."""
+        """Static displacement of the free nodes per gravity acceleration along each axis [s²], (n_free dim, dim)."""
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
-        """The part of the points' compliance that the modes omit [m/N], (n_free dim, n_free dim) [macneal1971]."""
+        """Compliance of the free nodes minus its part in the modes [m/N], (n_free dim, n_free dim) [macneal1971]."""
         by_modes = (self.shapes / (self.masses * (self.rates + FREE**2))) @ self.shapes.T
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum, with new modes, after multiplying the stiffness of each tissue by a factor, (n_tissues,)."""
+        """The continuum with new modes, for the stiffness of each tissue multiplied by its factor, (n_tissues,)."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes
@@ -122,9 +122,9 @@ class Continuum:
         )
 
     def with_driven_wall(self, places: Floats) -> Continuum:
-        """The continuum on a wall that moves as a rigid body in an unknown way; places: free nodes [m], (n_free, 3).
+        """The continuum on a wall that moves as a rigid body in an unknown way.
 
-        Six more modes shift and turn all points with the wall.
+        Six added modes move all free nodes rigidly with the wall. places: positions of the free nodes [m], (n_free, 3)
         """
         arms = (places - places.mean(axis=0)) / self.extent_m
         turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T
@@ -139,9 +139,9 @@ class Continuum:
         )
 
     def by_log_stiffness(self, shift: Floats) -> Floats:
-        """Derivative of the force on the points by the log of each tissue's stiffness [N], (n_tissues, n_free dim).
+        """Derivative of nodal forces with respect to the log of each tissue's stiffness [N], (n_tissues, n_free dim).
 
-        shift: displacement of the points from the drawn shape [m], (n_free dim,)
+        shift: displacement of the free nodes from the drawn shape [m], (n_free dim,)
         """
         rates = np.maximum(self.rates, LOOSE * self.rates.max())
         modal = self.shapes.T @ (self.stiffness @ shift) / (rates * self.mass)

@@ -29,16 +29,16 @@ class MassSpringNetwork:
 
     names: unique names of the n_nodes nodes
     positions: position of each node in the drawn shape [m], shape (n_nodes, dim), dim 2 or 3
-    masses: [kg], shape (n_nodes,), positive; an anchor's mass is not used
+    masses: mass of each node [kg], shape (n_nodes,), positive; the mass of an anchor is not used
     fixed: True for an anchor, shape (n_nodes,)
     drag: viscous friction against the ground [N s/m], shape (n_nodes,)
     friction: Coulomb friction against the planes that hold the node [N], shape (n_nodes,)
     springs: the two nodes of each spring, shape (n_springs, 2)
-    stiffness: [N/m], shape (n_springs,), positive
-    rest_lengths: [m], shape (n_springs,), positive
-    damping: dashpot along the spring [N s/m], shape (n_springs,)
+    stiffness: stiffness of each spring [N/m], shape (n_springs,), positive
+    rest_lengths: rest length of each spring [m], shape (n_springs,), positive
+    damping: damping of the dashpot along each spring [N s/m], shape (n_springs,)
     gravity: acceleration [m/s²], shape (dim,)
-    continuum: a solid that takes the place of springs; its points are the free nodes; default: none
+    continuum: a solid in place of springs; the free nodes are points of this solid; None: no solid
 
     Raises NetworkError for values that cannot be simulated.
     """

@@ -11,7 +11,7 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""Dimensions along which the nodes scatter less than this, relative to the largest scatter, are omitted [1]; choice."""
+"""A dimension is omitted if the scatter of the nodes along it is at most this share of the largest scatter; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
@@ -26,7 +26,7 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 
 
 def material_coordinates(network: MassSpringNetwork) -> Floats:
-    """Coordinates of all nodes in the straightened body [m], (n_nodes, n), with n up to the network's dimension.
+    """Coordinates of all nodes in the straightened body [m], (n_nodes, n); n is at most the network's dimension.
 
     Classical multidimensional scaling [torgerson1952] fits distances between the nodes to path lengths along springs in
     the drawn shape. A cable becomes a straight line (n = 1), even if it is drawn bent.

@@ -24,18 +24,19 @@ N_WALL = 8
 """Number of anchors around the base. One more anchor is in the middle of the base."""
 
 TARGET = (0.15, 0.1, 0.45)
-"""Position of the target, relative to the radius."""
+"""Position of the target, relative to the breast's radius."""
 
 INNER = 0.55
-"""Distance of inner masses, except the target, from the middle of the base, relative to the radius."""
+"""Distance of inner masses from the middle of the base, relative to the breast's radius. The target is not included."""
 
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
-    """A breast at rest under gravity, with outer nodes on the skin and the target inside; young: Young's modulus [Pa].
+    """A breast at rest under gravity, with outer nodes on the skin and the target inside.
 
-    Raises NetworkError for fewer than 6 or more than 60 masses, and for a modulus at which the breast loses its shape.
+    young: Young's modulus [Pa]. Raises NetworkError for fewer than 6 or more than 60 masses, and if the breast is too
+    soft to support its weight.
     """
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a breast phantom, found {n_masses}")
@@ -63,7 +64,7 @@ def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
 
 
 def _dome(n: int) -> Floats:
-    """Points on a spiral, spread evenly over the unit hemisphere above z = 0, without points at its base, (n, 3)."""
+    """Points on a spiral, (n, 3), spread evenly over the part of the unit sphere above z = 0.1."""
     z = 1.0 - 0.9 * (np.arange(n) + 0.5) / n
     around = GOLDEN * np.arange(n)
     return np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)

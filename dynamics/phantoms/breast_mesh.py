@@ -16,7 +16,7 @@ SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height and depth [m]."""
 
 ROUND = 0.8
-"""Degree to which a box's grid is rounded to an ellipsoid [1]. With 1, elements at the box's edges would be flat."""
+"""Rounding of the grid: 0 gives a box, 1 an ellipsoid. With 1, elements at the edges of the box would be flat."""
 
 CORE = 0.6
 """Extent of the gland, relative to the breast's extent [1]."""
@@ -44,7 +44,7 @@ def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.in
 
 
 def breast_points(mesh: TetMesh, fixed: NDArray[np.int64], n_marks: int = 40) -> dict[str, Floats]:
-    """Positions [m] of marks on the skin, `M1` and so on, far from each other, and of a `target` inside."""
+    """Positions [m] of a `target` inside, and of marks `M1`, `M2` and so on, far from each other on the skin."""
     on_skin = mesh.nodes[np.setdiff1d(surface(mesh).nodes, fixed)]
     chosen = far_apart(on_skin, n_marks, [int(on_skin[:, 2].argmax())])
     marks = {f"M{k}": on_skin[i] for k, i in enumerate(chosen, start=1)}

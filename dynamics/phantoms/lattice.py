@@ -1,4 +1,4 @@
-"""Elastic bodies from given nodes, joined by springs that are stiff enough for the body to rest as drawn."""
+"""Elastic bodies of springs between given nodes. The springs are stiff enough for a body to rest as drawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Length of an edge of the triangulation, relative to the median edge, above which the edge gets no spring [1]."""
+"""An edge of the triangulation gets no spring if it is longer than this number of median edges [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -43,7 +43,7 @@ class Phantom:
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Edges of the Delaunay triangulation, (n_springs, 2), without edges between anchors and without very long edges.
 
-    positions: [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
+    positions: node positions [m], (n_nodes, dim). Raises NetworkError if all lie on a line or, in space, in a plane.
     """
     n_corners = positions.shape[1] + 1
     try:
@@ -62,9 +62,9 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
 
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
-    By [vangelder1998], a spring of length l has the stiffness E V / l², with V the volume of the simplices around it.
-    The sum of stiffness times l² over all springs is the same with the returned stiffness as with this formula. Under
-    uniform stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
+    By [vangelder1998], a spring of length l has the stiffness `E V / l²`, with V the volume of the simplices around it.
+    The returned stiffness gives the same sum of stiffness times l² over all springs as this formula. Under uniform
+    stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
@@ -85,8 +85,8 @@ def elastic_body(
 
     young: Young's modulus [Pa]. In the plane, the body is a sheet of thickness `SHEET_M`.
     springs: the two nodes of each spring, (n_springs, 2); default: `delaunay_springs`
-    stiffness, damping: of each spring [N/m], [N s/m], (n_springs,); default: from `young` and `DAMPING_S`
-    masses: [kg], (n_nodes,); default: the mass of water in the body's volume, divided equally among the free nodes
+    stiffness, damping: constants of each spring [N/m], [N s/m], (n_springs,); default: from `young` and `DAMPING_S`
+    masses: mass of each node [kg], (n_nodes,); default: the free nodes share the mass of a body of water
     Without anchors the body has no weight. Raises NetworkError if the body is too soft to support its weight.
     """
     dim = positions.shape[1]
@@ -115,9 +115,9 @@ def volume(positions: Floats) -> float:
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Whether each node is a corner of the convex hull of all nodes, (n_nodes,); positions: [m], (n_nodes, dim).
+    """Whether each node is a corner of the convex hull of all nodes, (n_nodes,).
 
-    Raises NetworkError if the hull has no volume.
+    positions: positions of the nodes [m], (n_nodes, dim). Raises NetworkError if the hull has no volume.
     """
     corners = np.zeros(len(positions), dtype=bool)
     corners[_hull(positions).vertices] = True
@@ -125,9 +125,9 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 
 
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
-    """Distance from a point inside the nodes' convex hull to the surface of the hull [m], along a unit vector.
+    """Distance from a point inside the nodes' convex hull to the surface of the hull in a given direction [m].
 
-    positions: positions of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector, (dim,)
+    positions: positions of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: unit vector, (dim,)
     Raises NetworkError if the hull has no volume.
     """
     facets = _hull(positions).equations

@@ -25,11 +25,11 @@ DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Number of masses divided by the squared number of masses in a row: the phantom is then as high as wide."""
+"""Number of masses divided by the square of the number of masses in a row. It makes the phantom as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
-    """A flat phantom at rest under gravity, whose innermost mass is hidden; NetworkError outside 4 to 60 masses."""
+    """A flat phantom at rest under gravity, with the innermost mass hidden; NetworkError unless 4 <= n_masses <= 60."""
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
     masses, rim, wide = _rows(n_masses)

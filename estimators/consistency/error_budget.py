@@ -1,8 +1,8 @@
 """Error budget of a target at rest: covariances due to errors that do not show in the innovations.
 
-An estimate that follows its marks (m) places the hidden nodes (h) where the model predicts them from the marks. An
-error s of the marks' positions therefore moves the hidden nodes by -Khh^-1 Khm s. An unmodelled force g moves them by
-Khh^-1 gh. K is the stiffness at rest (static condensation).
+An estimate that fits its marks (m) places the hidden nodes (h) where the model predicts them from the marks. An error s
+of the marks' positions therefore moves the hidden nodes by `-Khh^-1 Khm s`. An unmodelled force g on the hidden nodes
+moves them by `Khh^-1 g`. K is the stiffness at rest (static condensation).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class ErrorSource:
 
 
 class StaticResponse:
-    """Static response of an estimate of the target to errors. The estimate follows the marks of given nodes.
+    """Static response of an estimate of the target to errors. The estimate fits the marks of the given nodes exactly.
 
     rest: positions of all nodes at rest [m], (n_nodes, dim)
     """

@@ -28,14 +28,14 @@ class LeaveOneOutCheck:
 
 
 class LeaveOneOut:
-    """Filter of the target, and for each marked node a further filter that predicts the node's mark without using it.
+    """Filter of the target, and for each marked node a filter that does not use this node's mark, but predicts it.
 
     If the errors of these predictions exceed their covariance, the model is wrong, also at the target. A factor on the
     covariance of the predictions is therefore estimated by maximum likelihood. The covariance of the target is
-    multiplied by this factor, which is at least 1.
+    multiplied by the same factor, which is at least 1.
 
-    State: the filter of the target; for each marked node the filter that does not use its mark; the factor on the
-    covariance; the checks of the last frame, by node.
+    State: the filter of the target; the filters that predict marks, by node; the factor on the covariance; the checks
+    of the last frame, by node.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class LeaveOneOut:
 
     @property
     def scale(self) -> float:
-        """Factor by which the target's covariance is multiplied, at least 1."""
+        """Factor of 1 or more by which the target's covariance is multiplied."""
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
@@ -98,10 +98,10 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """Covariance of a mark's prediction error that calibration errors add to the filter's covariance [m²], (dim, dim).
+    """Covariance that calibration errors add to the error of the filter `other` at a mark [m²], (dim, dim).
 
-    The calibration errors affect the filter's prediction with the sensitivity C, and the mark with the sensitivity F.
-    The filter's covariance contains C C'. The errors therefore add (C + F)(C + F)' - C C'.
+    Calibration errors affect the filter's prediction with the sensitivity C, and the mark with the sensitivity F. The
+    filter's covariance already contains C C'. The errors therefore add `(C + F)(C + F)' - C C'`.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

@@ -42,7 +42,7 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Share of the normalised squared errors, (n,), that are below the chi-square quantile of `share`."""
+    """Share of the normalised squared errors, (n,), that do not exceed the chi-square quantile at `share`."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 

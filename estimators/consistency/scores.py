@@ -27,7 +27,7 @@ def energy_score(
 ) -> Floats:
     """Energy score of Gaussian predictions of points, (n,), in the points' unit; lower is better.
 
-    The score is E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'. In one dimension it estimates `crps_normal`.
+    The score is `E ‖X - truth‖ - E ‖X - X'‖ / 2` with random draws X, X'. In one dimension, it estimates `crps_normal`.
     means, truths: (n, d); covs: (n, d, d). Source: [gneiting2007], equation (22).
     Raises numpy's LinAlgError for an invalid covariance.
     """

@@ -3,15 +3,15 @@
 If a spring is cut or a mark is moved, a filter explains the marks by a persistent force. Its innovations then become
 small, although its estimate of the hidden target is wrong. The mean external force shows such a fault. Over a second,
 the mean acceleration of a body is almost zero. The mean external force on the marked nodes therefore balances springs
-and weight. It is the mean, over the frames, of
+and weight. To compute this force, the following f is averaged over the frames:
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 Here K is the stiffness at rest, and F is the force of springs and weight. The indices m and h stand for marked and
 hidden nodes (static condensation). F is computed with the marked nodes at their measured positions z, and with the
 hidden nodes at rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest). A chi-square test compares the mean
-of f with its covariance under a right model. This covariance has three causes: short forces, which average out; forces
-on all nodes in proportion to their masses, as in breathing; errors of marks, camera calibration and constants.
+of f with the covariance that a right model predicts. This covariance has three causes: short forces, which average out;
+forces on all nodes in proportion to their masses, as in breathing; errors of marks, camera calibration and constants.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class BalanceSettings:
 
     mean_s: time over which the force is averaged [s]; choice: in half this time, short forces do not average out; twice
         this time delays the report of a fault that single frames do not show
-    least_share: least share of mean_s that the frames span; also least share of frames that show a node [1]; choice
+    least_share: share of mean_s that the frames must cover, and of the frames that must show a node [1]; choice
     often: expected share of the time in which a short force acts on a node [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -59,7 +59,7 @@ BALANCE = BalanceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """Mean external force on the marked nodes, which the measured positions imply.
+    """Mean external force on the marked nodes, computed from the measured positions.
 
     nodes: the k marked nodes that were visible; force: mean external force on each of these nodes [N], (k, dim)
     cov: covariance of this force if the model is right [N²], (k dim, k dim)
@@ -71,7 +71,7 @@ class Balance:
 
     @property
     def probability(self) -> float:
-        """P-value of the force: probability of a force at least as large if the model is right."""
+        """P-value of the force: if the model is right, the probability of the same or a larger chi-square value."""
         f = self.force.ravel()
         return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
 
@@ -86,7 +86,7 @@ class StaticBalance:
 
     If a force may drag a node for a long time (`TissueFilter.may_be_led`), the test gives no result.
 
-    uncertainty: uncertainty of the constants; calibration: calibration errors of the camera; None: no such errors
+    uncertainty, calibration: errors of the constants, and calibration errors of the camera; None: no errors
     State: the marks of the last frames; cached matrices for each set of visible nodes.
     """
 
@@ -116,7 +116,7 @@ class StaticBalance:
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after a frame at a time [s]; None if too few of the last frames show enough of the marks."""
+        """Balance after a frame at time_s [s]; None if the last frames show too few marks or the body is not tested."""
         if self._of is None:
             return None
         s = self._settings
@@ -132,7 +132,7 @@ class StaticBalance:
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
     def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
-        """The balance of these nodes, from frames in which all these nodes were visible."""
+        """Balance of the given nodes; of: model of the short forces; frames: frames in which all nodes were visible."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
         poke = np.repeat(of.poke * network.masses[at], dim)
@@ -184,7 +184,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """Marks of a frame, by node; cached external forces, by set of nodes."""
+    """Time of a frame [s]; marks: its marks, by node; forces: cached external forces for each set of nodes."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -193,11 +193,11 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body, statically condensed to the coordinates m of the visible nodes; h: coordinates of the hidden nodes.
+    """A body, condensed to the coordinates m of visible nodes, (n_m,); h: coordinates of hidden nodes, (n_h,).
 
-    to_hidden: Kmh Khh^-1 [1], (m, h); stiffness: Kc [N/m], (m, m)
-    forces: change of the condensed forces by one standard deviation of each constant [N], (m, n)
-    marks: shift of the coordinates m by one standard deviation of each calibration error [m], (m, k)
+    to_hidden: Kmh Khh^-1 [1], (n_m, n_h); stiffness: Kc [N/m], (n_m, n_m)
+    forces: change of the condensed forces by one standard deviation of each error of the constants [N], (n_m, any)
+    marks: shift of the coordinates m by one standard deviation of each calibration error [m], (n_m, any)
     """
 
     m: NDArray[np.int64]

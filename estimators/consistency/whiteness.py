@@ -12,8 +12,8 @@ from estimators.arrays import Floats
 def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
     """Autocorrelation matrices of a series (n, m) at lags of 1 to n_lags steps, (n_lags, m, m).
 
-    If the series is white, each entry is normal with mean 0 and a standard deviation of nearly 1 / sqrt(n). Raises
-    ValueError if n_lags is below 1, or not below n.
+    If the series is white, each entry is normal with mean 0 and a standard deviation of nearly 1 / sqrt(n).
+    Raises ValueError unless 1 <= n_lags < n.
     """
     z = _standardised(series, n_lags)
     n = len(z)
@@ -24,8 +24,8 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
     """P-value of the hypothesis that a series (n, m) is white, from its autocorrelations at lags 1 to n_lags.
 
     For one coordinate this is the test of Ljung and Box [ljung1978]. For several coordinates it is Hosking's test
-    [hosking1980], whose result does not depend on their scale or rotation. Raises ValueError if n_lags is below 1, or
-    not below n.
+    [hosking1980], whose result does not depend on scale or rotation of the coordinates.
+    Raises ValueError unless 1 <= n_lags < n.
     """
     z = _standardised(series, n_lags)
     n, m = z.shape
@@ -40,8 +40,8 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 def effective_count(series: ArrayLike) -> float:
     """Effective sample size of a stationary series (n,): number of independent values with an equally accurate mean.
 
-    It follows from the initial positive sequence of autocovariances [geyer1992], section 3.3: sums of adjacent pairs
-    are added until one sum is not positive. The result lies between 1 and n; for a constant series it is 1.
+    Autocovariances of adjacent lags are summed in pairs, until a pair's sum is not positive (initial positive sequence
+    of [geyer1992], section 3.3). The result lies between 1 and n; for a constant series it is 1.
     """
     x = np.asarray(series, dtype=float)
     n, away = len(x), x - x.mean()
