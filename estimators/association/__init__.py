@@ -1,6 +1,6 @@
 """Association of interchangeable marks, with one filter for each hypothesis about their names.
 
-Code that decides over several frames belongs here.
+Code that uses several frames to assign marks to nodes belongs here.
 """
 
 from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap

@@ -1,7 +1,7 @@
 """Names of interchangeable marks: cost of each assignment in a frame, and plausible exchanges of names.
 
-A mark has the name of a node, but may be on another node. In `Names`, entry j is the index of the node that really
-bears the mark with the name of node j.
+A mark has the name of a node, but may be on another node. In `Names`, entry j is the index of the node on which the
+mark with the name of node j is.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ Names = tuple[int, ...]
 class InterchangeableMarks:
     """Groups of nodes whose marks are interchangeable. Names are never exchanged between groups.
 
-    nodes: all nodes in groups of two or more; own: `Names` that put each mark on the node of its name
+    nodes: names of the nodes in all groups, without groups of one node
+    own: the `Names` without any exchange, with each mark on the node of its name
     """
 
     def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
@@ -35,11 +36,11 @@ class InterchangeableMarks:
         self._place = {node: i for i, node in enumerate(self.nodes)}
 
     def by_node(self, names: Names) -> dict[str, str]:
-        """Map from the name of each mark to the name of the node that bears it."""
+        """Map from the name of each mark to the name of the node that the mark is on."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
-        """Cost (n, n) of the assumption that node i bears mark j: -log of the predicted density of the mark's position.
+        """Cost (n, n) of the assumption that mark j is on node i: -log of the predicted density of the mark's position.
 
         If a mark is absent, its column is 0. If `starting`, the prior gives the density.
         """
@@ -57,7 +58,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Plausible alternatives to `names`, the most probable first, each with its number of exchanges of names.
+        """Plausible alternatives to `names`, the most probable first, and the number of exchanges that leads to each.
 
         worst: largest additional cost of an alternative in this frame; most: largest number of alternatives
         """
@@ -85,7 +86,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """`names` after the marks are renamed: the mark with index i gets index new[i], and stays on node names[i]."""
+    """`names` in terms of new names of the marks: mark i becomes mark `new[i]`, but stays on node `names[i]`."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]

@@ -30,7 +30,7 @@ class IdentitySwap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedEstimate:
-    """Result of a frame: estimate, marks with corrected names, and the exchange that this frame corrected, if any."""
+    """Result of a frame: estimate, marks with corrected names, and the exchange corrected in this frame, if any."""
 
     estimate: TargetEstimate
     marks: tuple[MarkMeasurement, ...]
@@ -66,12 +66,12 @@ class AssociationFilter:
 
     At the start, after a divergence, and when marks are rejected, several filters restart, each with names that fit the
     rest shape well. Since the tissue may be displaced, this fit changes the log odds by at most `settings.decisive`. A
-    restart alone may make marks more probable, because it enlarges the covariance. Therefore another filter restarts
-    with the present names, and an alternative must also be more probable than this filter.
+    restart alone may make marks more probable, because it enlarges the covariance. Therefore one more filter restarts
+    with the present names. An alternative must also be more probable than this restarted filter.
 
-    tissue: the filter; predict it first, then call `update` here
+    tissue: the filter; in each frame, call `tissue.predict` before `update`
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
-    State: node_of, map from names of marks to the nodes that bear them, empty before a correction; alternatives;
+    State: node_of, map from the name of a mark to the node that it is on, empty before a correction; alternatives;
     same_names, the filter that restarted with the present names; swaps, the corrected exchanges; times of restarts.
     """
 
@@ -88,7 +88,7 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """The tracker's marks, each with the name of the node that really bears it."""
+        """The tracker's marks, each with the name of the node that the mark is on."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -110,9 +110,9 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with the marks of a frame at the filter's time; marks: result of `named`.
+        """Update with the marks of a frame at the filter's time. Rename the marks with `named` before.
 
-        Raises ValueError and CovarianceError as the filter does.
+        Raises the errors of `TissueFilter.update`.
         """
         tissue, groups = self.tissue, self.interchangeable
         before = tissue.snapshot()
@@ -157,7 +157,7 @@ class AssociationFilter:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """The alternative with other names but the same state; n_changes: number of exchanges of two names."""
+        """The alternative with other names but the same state, after `n_changes` exchanges of two names."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
@@ -175,7 +175,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Restart a filter with each plausible assignment of names and, if `beside`, one with the present names."""
+        """Restart a filter for each plausible assignment of names. If `beside`, do so for the present names, too."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive

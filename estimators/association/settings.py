@@ -10,7 +10,7 @@ from math import factorial, log
 class IdentitySettings:
     """Settings of the association of interchangeable marks: when alternative names are tried and adopted.
 
-    decisive: log odds at which names are excluded or adopted [1]; choice
+    decisive: log odds that decide between two assignments of names [1]; choice
     exchange: prior log odds against an exchange of two names [1]; choice
     longest_s: longest time for which an undecided alternative is followed, and longest pause between two restarts
         with other names [s]; choice

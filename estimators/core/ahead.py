@@ -1,9 +1,10 @@
 """Fast predictions of the target for a live loop, with precomputed matrices of the motion about rest.
 
-All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
-whole mixture are therefore predicted directly: m <- T m, P <- T P T' + sum over sources of E[variance] N. Here N is the
-noise covariance at variance 1, and the mode probabilities give E[variance]. Let H map the state to the target, and let
-G_k = H T^k. The target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
+All modes have the same transition T; only the variance of their noise differs. The mean m and the covariance P of the
+whole mixture are therefore predicted directly: `m <- T m`, and `P <- T P T' + sum over sources of E[variance] N`. N is
+the noise covariance of a source at variance 1. The mode probabilities give E[variance]. H maps the state to the target,
+and `G_k = H T^k`. After k steps, the covariance of the target is
+`G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from estimators.core.posterior import TissuePosterior
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AheadTables:
-    """Matrices that predict the target from the present state, at n_times future times with an interval of cycle_s [s].
+    """Matrices that predict the target at n_times times with the interval cycle_s [s]. The first time is the present.
 
     Attributes
     ----------
@@ -30,9 +31,9 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target k steps after noise in one step, for each source at variance 1; k is the first index.
+        Covariance of the target k steps after a step with noise, for each source at variance 1. The first index is k.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target k steps after the start of a step with a unit force [m/N]; k is the first index.
+        Shift of the target k steps after the start of a step with a unit force [m/N]. The first index is k.
     """
 
     cycle_s: float
@@ -74,9 +75,9 @@ class AheadTables:
         )
 
     def shift(self, push: Floats) -> Floats:
-        """Displacement of the target at each time [m], (n_times, dim), by a known force that is constant in each step.
+        """Displacement of the target at each of the n_times times [m], (n_times, dim), by known forces.
 
-        push: the force on the free nodes in each step [N], (n_times - 1, n_free, dim); other shapes raise ValueError
+        push: constant force on the free nodes in each step [N], (n_times - 1, n_free, dim), else ValueError
         """
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
@@ -86,10 +87,10 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """Probabilities of two or three cases until each time, (n_times,), and moments of the target in each case.
+        """For each of two or three cases: probability (n_times,), and mean and covariance of the target at each time.
 
-        In the first case, no short force acts and no slow force becomes stronger. In the second case, no force
-        drags a node. A continuum has no second case. The last case has no condition.
+        In the first case, no short force acts until that time, and no slow force becomes stronger. In the second case,
+        no force drags a node. A continuum has no second case. The last case contains all possible forces.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short
@@ -100,13 +101,13 @@ class AheadTables:
         return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
-        """Times of the tables [s], (n_times,), from the filter's time on. Raises ValueError before the first frame."""
+        """The times of the tables [s], (n_times,). The first is the filter's time; if it is None, raises ValueError."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (n_times,) that modes change only as `chain` allows, and moments of the target in this case."""
+        """One case of `parts`, from start probabilities and transition probabilities of the modes in this case."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

@@ -24,7 +24,7 @@ JITTER = 1e-6
 
 
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
-    """Columns L (n, r), with r at most `rank`, such that L L' approximates a covariance (n, n).
+    """Columns L (n, r) for which `L L'` approximates a covariance (n, n). The number r is at most `rank`.
 
     least: smallest eigenvalue that is used, relative to the largest eigenvalue
     """
@@ -43,8 +43,7 @@ class Discrepancy:
         Possible standard deviations of the long-range field, relative to the body's extent [1]; choice. All are
         equally probable.
     noises : tuple of (float, float)
-        Pairs of a possible factor on the stated standard deviation of all marks, and its prior probability [1];
-        choice.
+        Possible factors on the stated standard deviation of all marks, each with its prior probability [1]; choice.
     short : float
         Ratio of the standard deviations of the short-range and the long-range field [1]; choice.
     lengths : tuple of float
@@ -73,15 +72,16 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Make the prior from the settings of the filter; solid: whether the body is a continuum."""
+        """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Values of r basis functions of the displacement [m] at n places, (n, r), and variance left out [m²], (n,).
+        """Basis functions of the displacement [m], (n, r), and the variance that they omit at each node [m²], (n,).
 
-        places: positions of free nodes [m], (n, dim); held: fixed nodes, where the displacement is zero [m], (any, dim)
-        Both results are for level 1, at which the standard deviation of the displacement is the body's extent.
+        places: positions of the n free nodes [m], (n, dim)
+        held: positions of fixed nodes, where the displacement is zero [m], (any, dim)
+        Both results are for a long-range field whose standard deviation equals the body's extent (level 1).
         """
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
@@ -102,11 +102,11 @@ class Discrepancy:
 class LevelPosterior:
     """Posterior of the discrepancy's standard deviation (its level) and of a factor on the noise of the marks.
 
-    Levels are weighted by the likelihoods of the marks, each predicted from other marks. The joint likelihood of all
-    marks would favour levels that are too small.
+    Each mark is predicted from other marks, and the likelihoods of these predictions weight the levels. The joint
+    likelihood of all marks would favour levels that are too small.
 
-    State: log_weights, log probability of each pair of level and noise factor, (n,); log_withheld, sum of the log
-    likelihoods of the last frame's marks, each predicted from other marks.
+    State: log_weights, the log probability of each pair of level and noise factor, (n,). log_withheld, the log
+    likelihood of the last frame's marks if each mark is predicted from other marks.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -150,7 +150,7 @@ class LevelPosterior:
         R : (m, m)
             Covariance of the noise of the marks, at the estimated noise factor.
         groups : sequence of (k, dim) int
-            Result of a `WithheldGroups`. If it is empty, nothing changes.
+            Row indices of the marks, as a `WithheldGroups` returns them. If there are none, nothing changes.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -169,7 +169,7 @@ class LevelPosterior:
 class WithheldGroups:
     """Marks that are left out together when a mark is predicted from the other marks.
 
-    Each mark is predicted only from marks that are not nearer to it than the nearest mark is to the target.
+    Two marks do not predict each other if they are nearer to each other than the target is to its nearest mark.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class WithheldGroups:
         )
 
     def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        """Array (k, dim) for each mark: its rows in the innovation, then the rows of marks too near to predict it."""
+        """For each mark, an array (k, dim) of indices: rows of the mark, then rows of marks too near to predict it."""
         rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
         return [
             np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])

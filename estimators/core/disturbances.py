@@ -11,8 +11,7 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Strengths of the slow forces on a continuum, relative to the strength of a poke [1], and correlation time of these
-slow forces [s]; choice."""
+"""Slow forces on a continuum: strengths, relative to the strength of a poke [1], and correlation time [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class Disturbances:
     calm_s, poked_s, led_s : float
         Mean duration of the states calm, poked and led [s]; choice.
     led_each_s : float
-        Mean time in the states calm and poked until the state led begins [s]; choice.
+        Mean time from the state calm or poked until the state led begins [s]; choice.
     rise_s, fall_s : float
         Mean time until a slow force changes to a given stronger state, and to a given weaker state [s]; choice.
     smooth : float
@@ -46,11 +45,11 @@ class Disturbances:
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
     n_poked : int
-        Number of marked nodes above which pokes have less than their full strength; choice.
+        With more marked nodes than this number, pokes have less than their full strength; choice.
     n_marked : int
         Number of marked nodes; `TissueProcess` sets it.
     bent : float
-        Static displacement that a poke causes in a stiff body, relative to the body's extent [1]; choice.
+        Static displacement by a poke in a stiff body, relative to the body's extent [1]; choice.
     """
 
     calm_m_s2: float = 0.01
@@ -75,22 +74,22 @@ class Disturbances:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
-        """Make the prior from the settings of the filter; solid: whether the body is a continuum."""
+        """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
         return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths of pokes, dragging and slow forces, for a body of a given stiffness [1].
+        """Factor on the strengths of pokes, dragging and slow forces [1]. It is larger for a stiffer body.
 
-        returning_m_s2: acceleration that the body's stiffness causes at a displacement as large as the body [m/s²]
+        returning_m_s2: acceleration by elastic forces at a displacement that equals the body's extent [m/s²]
         least: smallest factor
         """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """For each mode, strengths of white noise, short forces, forces on draggable nodes, and slow forces."""
+        """Strengths of the sources white, short, led and slow in each mode. `raised`: result of the method `raised`."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -99,11 +98,11 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force and, for a network, the short state poked."""
+        """Index of the mode with the strongest slow force. In a network, its state of short forces is poked."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strength of each source of forces in the mode `strongest_mode` [m/s²], by the name of the source."""
+        """Strengths in the mode `strongest_mode`, by the name of the source. `raised`: as for `by_mode`."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
@@ -119,7 +118,7 @@ class Disturbances:
 
     @property
     def rates(self) -> Floats:
-        """Transition rates between modes [1/s], (n_modes, n_modes). Modes are sorted by the state of the slow force."""
+        """Transition rates between modes [1/s], (n_modes, n_modes). Modes with stronger slow forces come later."""
         short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s

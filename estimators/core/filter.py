@@ -30,11 +30,11 @@ DISCREPANCY = "discrepancy"
 """Name of the states of the discrepancy, which is the displacement that the model leaves out."""
 
 LEAST_SHARE = 1e-3
-"""Smallest weight of a mode in the mixture of another mode [1]; choice. Smaller weights are replaced by zero."""
+"""Smallest weight of a hypothesis in the mixture that predicts a mode [1]; choice. Smaller weights become zero."""
 
 REBORN = 0.05
-"""A mode is omitted until the next prediction if its probability is below this share of the probability of a change
-into this mode [1]; choice."""
+"""After an update, a mode is omitted until the next prediction if its probability is below this share of the
+probability of a change from other modes into it [1]; choice."""
 
 LINEARISATIONS = 10
 """Largest number of linearisations in a frame; numerical. A rotating cable needs many."""
@@ -46,8 +46,8 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""Shape of the gamma prior of a factor on the rates of onsets, which are changes to a mode with a higher index [1].
-Time constant with which past onsets are forgotten [s]. Choice."""
+"""An onset is a change to a mode with a higher index. The filter estimates a factor on the rates of onsets: shape of
+the factor's gamma prior [1], and time constant with which past onsets are forgotten [s]; choice."""
 
 STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -59,9 +59,9 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    All hypotheses use one linearisation of the transition, about their common mean. If its error is too large, the
-    transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988] for the hypotheses,
-    [garciafernandez2017] for the iteration.
+    All hypotheses use one linearisation of the transition, about their common mean. If the linearisation error is too
+    large, the transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988] for the
+    hypotheses, [garciafernandez2017] for the iteration.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class HypothesisFilter:
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Number of past onsets (see `ONSET_SHAPE`): expected in each hypothesis, and expected from the prior rates.
+        Estimated number of past onsets (see `ONSET_SHAPE`) in each hypothesis; number that the prior rates predict.
     outlying : (n_names,) bool
         Whether each of the last observations is an outlier in the most probable hypothesis.
     found : Innovations or None
@@ -144,7 +144,7 @@ class HypothesisFilter:
         return self._covs
 
     def times(self, H: Floats) -> Floats:
-        """Product of a matrix (m, n) with the covariance of each hypothesis, (k, m, n)."""
+        """The products `H P`, (k, m, n), of a matrix H (m, n) with the covariance P of each hypothesis."""
         return self._covs.times(H) if isinstance(self._covs, Predicted) else np.asarray(H @ self.covs)
 
     @property
@@ -154,7 +154,7 @@ class HypothesisFilter:
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes). A factor on the rates above the diagonal is estimated."""
+        """Transition rates [1/s], (n_modes, n_modes), with the estimated factor on the rates of onsets."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -165,7 +165,7 @@ class HypothesisFilter:
         return np.asarray(self.weights @ self.means)
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Mean (d,) and covariance (d, d) of rows @ state, for rows (d, n)."""
+        """Mean (d,) and covariance (d, d) of `rows @ state`, where `rows` is a matrix (d, n)."""
         live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
         covs = [rows[:, seen] @ self.covs[k][seen] @ rows.T for k in live]
         return mixed(self.weights[live], self.means[live] @ rows.T, covs)
@@ -240,7 +240,7 @@ class HypothesisFilter:
         return result
 
     def update(self, observations: Sequence[Observation]) -> float:
-        """Update with all observations of the present time; returns the smallest NIS of any hypothesis."""
+        """Update with all observations of the present time. Returns the smallest NIS among the hypotheses."""
         found = self._fitted(observations)
         if self.trace and self._before is not None:
             self.trace[-1] = self._traced(self._before)
@@ -279,8 +279,8 @@ class HypothesisFilter:
     def _fitted(self, observations: Sequence[Observation]) -> Innovations:
         """Innovations after the transition is linearised about the smoothed previous state.
 
-        Gauss-Newton steps find this state for the most probable hypothesis. The remaining linearisation error counts as
-        process noise. In each of `ProcessModel.parts`, the variance of this noise is the mean square of the error.
+        Gauss-Newton steps find the smoothed previous state of the most probable hypothesis. The remaining linearisation
+        error becomes process noise: its mean square over a part of the state is added to each variance in this part.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -290,7 +290,7 @@ class HypothesisFilter:
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
-            """Twice the negative log posterior of the previous state `start`, up to a constant."""
+            """Twice the negative log posterior of the state `start`, up to a constant; `end` is the state after it."""
             if not np.isfinite(end).all():
                 return np.inf
             y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))

@@ -29,11 +29,11 @@ class Innovations:
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Jacobian of the observation, and its product with the covariance P. Equal Jacobians are stored once.
+        Jacobian H of the observation, and product of H with the state's covariance. Equal Jacobians are stored once.
     root, white : (k, m, m), (k, m)
-        Inverse of the lower Cholesky factor of S, and its product with the innovation.
+        Inverse of the lower Cholesky factor of S, and product of this inverse with the innovation.
     nis, logs : (k,)
-        Normalised innovation squared, and logarithm of the weight after the update, up to a constant.
+        Normalised innovation squared, and log of the hypothesis' weight after the update, up to a constant.
     outlying : (k, n_names) bool
         Whether each named mark is an outlier. An outlier has innovation 0 and a large variance.
     overall : (m,), (m, m)
@@ -102,7 +102,7 @@ def inverse_roots(S: Floats) -> Floats:
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """For each named block, a group that contains only the rows of this block, (1, k)."""
+    """For each block, a group without other blocks: an array (1, k) with the indices of the block's k rows."""
     return [np.arange(block.start, block.stop)[None] for block in blocks]
 
 
@@ -143,7 +143,7 @@ def solved(
 ) -> Innovations:
     """Innovations after the removal of outliers. Raises CovarianceError.
 
-    found: innovations y (k, m), their covariances S (k, m, m), H (1 or k, m, n), H P (k, m, n); weights: (k,)
+    found: y, S, H and HP before the removal, see `Innovations`; weights: weights before the update, (k,)
     """
     y, S, H, HP = found
     overall = mixed(weights, y, S)

@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved (n, n). T has `rows` (r, c) at its top left; from row r on, it is diag(`fading`)."""
+    """Write `T P T'` into `moved`, (n, n). Only the first r rows of T, `rows` (r, c), have off-diagonal entries."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
@@ -24,12 +24,15 @@ def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ignore[no-untyped-def]
-    """Product H P, (k, m, n), for each of k modes. P is the covariance of a mixture of l Gaussians, plus noise.
+    """Product `H P`, (k, m, n), for each of k modes. P is the covariance of a mixture of l Gaussians, plus noise.
 
-    modes (any,): modes to compute; the product is zero for other modes; shares (l, k): weights of the Gaussians
+    modes (any,): modes to compute; for all other modes, the product is zero
+    shares (l, k): weights of the Gaussians in the mixture of each mode
     covs (l, m, n): H times the covariance of each Gaussian
-    apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(weight); left (l, k, m): H times apart
-    variances (k, n_sources): noise variances; noises (n_sources, any, any): H times the noise covariance at variance 1
+    apart (l, k, n): (mean of a Gaussian - mean of the mixture) * sqrt(weight)
+    left (l, k, m): H times `apart`
+    variances (k, n_sources): noise variances
+    noises (n_sources, any, any): H times the noise covariance at variance 1
     """
     n_mixed, m, n = covs.shape
     found = np.zeros((shares.shape[1], m, n))
@@ -66,13 +69,14 @@ def _whitened(A, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """Sum of the log likelihoods of all marks, each predicted from other marks, for k innovation covariances S, (k,).
+    """Sum of the log likelihoods of all marks for each innovation covariance S, (k,). Other marks predict each mark.
 
-    Each mark has a group g, which contains the mark and the marks that do not predict it. With W = S^-1, the rows
-    outside g predict y_g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
+    Each mark has a group g of rows: its own rows, and the rows of marks that do not predict it. The rows outside g
+    predict `y_g` with the error `W_gg^-1 (W y)_g`, where `W = S^-1`. The covariance of this error is `W_gg^-1`.
     roots (k, m, m): inverses of the lower Cholesky factors of S
     rows (any,): rows of all groups, group by group; each group begins with the rows of its mark
-    ends (n_groups,): end of each group in `rows`; own (n_groups,): number of rows of its mark
+    ends (n_groups,): end of each group in `rows`
+    own (n_groups,): number of rows of the mark in each group
     """
     totals = np.zeros(len(roots))
     for k in range(len(roots)):
@@ -91,13 +95,14 @@ def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignor
 def without_outliers(y, S, roots, ends, logs, far):  # type: ignore[no-untyped-def]
     """Whether each block is an outlier in each hypothesis, (k, n_blocks); sum of the outliers' log densities, (k,).
 
-    y (k, m), S (k, m, m): innovations and covariances. Both are changed: an outlier gets innovation 0, variance `far`.
+    y (k, m), S (k, m, m): innovations and covariances, changed in place: an outlier gets innovation 0, variance `far`
     roots (k, m, m): inverses of the lower Cholesky factors of S
-    ends (n_blocks,): end of each block's rows; logs (n_blocks,): log density of each block as an outlier
+    ends (n_blocks,): end of each block's rows
+    logs (n_blocks,): log density of each block if the block is an outlier
 
     Each pass removes the block with the largest gain, until no gain is positive. The gain is the log density of a block
-    as an outlier, minus its log density given the other blocks. With W = S^-1, the other blocks predict block g with
-    the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
+    as an outlier, minus its log density given the other blocks. The other blocks predict block g with the error
+    `W_gg^-1 (W y)_g`, where `W = S^-1`. The covariance of this error is `W_gg^-1`.
     """
     n_blocks = len(ends)
     out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))

@@ -22,7 +22,7 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 
 
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
-    """Covariances T P T', (k, n, n), for k covariances P (n, n); T is the matrix (n, n)."""
+    """Covariance `T P T'` for each of k covariances P, (k, n, n). T is the given matrix, (n, n)."""
     acting, found = matrix != 0.0, np.empty((len(covs), *matrix.shape))
     np.fill_diagonal(acting, False)
     r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
@@ -34,7 +34,7 @@ def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
-    """Add process noise to covariances (k, n, n); variances (k, n_sources): variance of each source in each mode."""
+    """Add process noise to the covariance of each mode, (k, n, n). The sources have `variances` (k, n_sources)."""
     n_noises, m, _ = transition.noises.shape
     covs[:, :m, :m] += (variances[:, :n_noises] @ transition.noises.reshape(n_noises, m * m)).reshape(-1, m, m)
     if transition.spread is not None:
@@ -52,9 +52,11 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition. After the transition, each of the k modes is a mixture of these hypotheses.
 
-    means (l, n), covs (n, n) each, weights (l,): the l hypotheses with positive weight
-    shares (l, k): weight of each hypothesis in the mixture of each mode
-    chain (k, k): transition probabilities; dt: time step [s]; kick (n,): shift of the state by a known force
+    means, covs, weights: mean (n,), covariance (n, n) and weight of each of the l hypotheses with positive weight
+    shares: weight of each hypothesis in the mixture of each mode, (l, k)
+    chain: transition probabilities between the modes, (k, k)
+    dt: time step [s]
+    kick: shift of the state by a known force, (n,)
     """
 
     means: Floats
@@ -66,7 +68,7 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability of a change into each mode, (k,); weights (k,): probabilities of the modes before the change."""
+        """Probability of a change into each mode, (k,), from modes with the probabilities `weights` (k,)."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
@@ -78,7 +80,7 @@ class Prior:
         return self.times(mode, np.eye(self.means.shape[1]))
 
     def times(self, mode: int, columns: Floats) -> Floats:
-        """Product of the covariance `cov(mode)` with `columns`, (n,) or (n, any)."""
+        """Product of the covariance `cov(mode)` with `columns`, (n,) or (n, any). The result has the same shape."""
         shares, apart = self.shares[:, mode], self.means - self.mean(mode)
         found = (apart.T * shares) @ (apart @ columns)
         for share, P in zip(shares, self.covs, strict=True):
@@ -91,9 +93,8 @@ class Prior:
 class Predicted:
     """Covariances of k modes after a transition, computed on demand.
 
-    shares (l, k), apart (l, k, n), covs (l, n, n), variances (k, n_sources), noises (n_sources, m, m): as in
-    `mixed_rows`, with the unit matrix for H
-    added (k, n): variance of additional noise in each state; it is independent between states
+    shares, apart, covs, variances, noises: as in `mixed_rows`, with the unit matrix for H
+    added: variance of additional noise in each state, (k, n); the noise of different states is independent
     """
 
     shares: Floats
@@ -105,7 +106,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances after a transition. means (l, n): predicted means; added (n,): additional noise variances."""
+        """Covariances after a transition, for predicted `means` (l, n) and additional noise variances `added` (n,)."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)
@@ -123,7 +124,7 @@ class Predicted:
         return np.asarray(found)
 
     def times(self, H: Floats) -> Floats:
-        """Product of a matrix (m, n) with the covariance of each mode, (k, m, n)."""
+        """The products `H P`, (k, m, n), of a matrix H (m, n) with the covariance P of each mode."""
         seen = np.flatnonzero(H.any(axis=0))
         own, modes = seen[seen < self.noises.shape[1]], np.arange(len(self.added))
         covs, noises = H[:, seen] @ self.covs[:, seen], H[:, own] @ self.noises[:, own]
@@ -135,7 +136,7 @@ class Predicted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """Mean (n,) and covariance (n, n) of the mixture before and after a prediction; matrix (n, n) of the transition."""
+    """A prediction: transition matrix (n, n), mean (n,) and covariance (n, n) of the mixture before and after."""
 
     mean_before: Floats
     cov_before: Floats

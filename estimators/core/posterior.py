@@ -29,7 +29,7 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the prior covariance of a node, for the search region of the node's first mark [1]; choice."""
+"""Ratio of the search region's covariance for a node's first mark to the node's prior covariance [1]; choice."""
 
 POSSIBLE = 1e-3
 """Modes with a smaller probability are ignored in the search regions of marks [1]; choice."""
@@ -49,7 +49,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Static displacement by a known force, minus the displacement of the vibration modes [m]; 0 without a continuum.
+        Static displacement by a known force that the vibration modes of a continuum leave out [m]; 0 for a network.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class TissuePosterior:
         )
 
     def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """Coordinates of `network.positions` [m], (n,), moved rigidly to the marks if they determine a rigid motion."""
+        """Coordinates of `network.positions` [m], (n,), after rigid registration to the marks if this is possible."""
         drawn = self.network.positions
         places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
         measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]
@@ -150,7 +150,7 @@ class TissuePosterior:
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
-        """Matrix A (dim, n) of a point's position A @ state + b. The method `constant_of` returns b."""
+        """Matrix A (dim, n) in the formula `A @ state + b` for a point's position. `constant_of` returns b."""
         rows = self.process.places(point.matrix)
         offset = self.process.parts.get("offset")
         if offset is not None and point is self.target:
@@ -165,16 +165,16 @@ class TissuePosterior:
         return mean + self.constant_of(point), cov + self.level.level**2 * left_out + own**2 * np.eye(len(mean))
 
     def constant_of(self, point: TargetMap) -> Floats:
-        """Constant b [m], (dim,), of a point's position A @ state + b. The method `rows_of` returns A."""
+        """Constant b [m], (dim,), in the formula `A @ state + b` for a point's position. `rows_of` returns A."""
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance `cov` (dim, dim), minus the variances of its offset's error [m²]."""
+        """Trace of the target's covariance `cov` (dim, dim) minus the trace of `offset_cov` [m²]."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property
     def offset_cov(self) -> Floats:
-        """Covariance of the error of the target's offset [m²], (dim, dim)."""
+        """Covariance of the error of `TargetPoint.offset_m` [m²], (dim, dim)."""
         offset, dim = self.process.parts.get("offset"), self.network.dim
         if offset is None:
             return np.zeros((dim, dim))
@@ -188,7 +188,7 @@ class TissuePosterior:
 
     @property
     def tissue_cov(self) -> Floats:
-        """Covariance of the target [m²], (dim, dim), without the error of the target's offset."""
+        """Covariance of the target [m²], (dim, dim), if `TargetPoint.offset_m` had no error."""
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
@@ -208,7 +208,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """Observation of one or more marks. Its noise covariance includes the estimated factor on the noise."""
+        """Observation of one or more marks. The estimated noise factor scales the covariance of the marks' noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
@@ -229,7 +229,7 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
-        """For the node of each inlier, relative increase of the target's variance if this mark were not used.
+        """Relative increase of the target's variance if one inlier were not used, by the node of this inlier.
 
         variance: trace of the target's covariance [m²]
         """

@@ -22,10 +22,10 @@ class Transition:
     matrix : (n, n)
         Jacobian: derivative of the next state with respect to the previous state.
     noises : (n_noises, m, m)
-        Covariance of the noise from each source at unit variance. The noise affects only the first m states.
+        Noise covariance of each of the first n_noises sources, at unit variance. It affects only the first m states.
     independent : (n_independent, n)
-        Diagonal of the noise covariance from each further source, at unit variance. This noise is independent between
-        states.
+        Diagonal of the noise covariance of each remaining source, at unit variance. The noise of different states is
+        independent.
     spread : (s, s), optional
         Covariance of the linearisation error in the first s states. All modes have the same error.
     """
@@ -63,15 +63,15 @@ class ProcessModel(Protocol):
         """Largest accepted linearisation error of each state, (n,); infinite for states with linear motion."""
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance in each mode (n_modes, n, n) before any observation.
+        """Mean of the state, (n,), and its covariance in each mode, (n_modes, n, n), before any observation.
 
-        level: standard deviation of the discrepancy, which is the error of the model [1]
+        level: standard deviation [1] of the discrepancy, which is the error of the model
         """
 
     def variances(self, level: float) -> Floats:
         """Variance of each source of noise in each mode, (n_modes, n_sources). `Transition` gives the order of sources.
 
-        level: standard deviation of the discrepancy, which is the error of the model [1]
+        level: standard deviation [1] of the discrepancy, which is the error of the model
         """
 
     def moved(self, state: Floats, dt: float) -> Floats:

@@ -25,7 +25,7 @@ class Statics:
     fix_bias : FixBias, optional
         Common error of all fixes (direct measurements) of the target; estimated.
     offset_sd_m : float
-        Standard deviation of the error of the target's offset on each axis [m]; estimated.
+        Standard deviation of the error of `TargetPoint.offset_m` on each axis [m]; the error is estimated.
     """
 
     uncertainty: ParameterUncertainty | None = None

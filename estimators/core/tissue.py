@@ -27,8 +27,8 @@ DISPLACED = 0.1
 """Largest prior standard deviation of the nodes' displacements, relative to the body's extent [1]; choice."""
 
 START_SHARE = 0.001
-"""Prior standard deviation of each node's independent displacement, relative to the body's extent [1]; choice. The
-number also is the standard deviation of each node's independent speed, in extents per second."""
+"""Prior standard deviation of each node's independent displacement, in extents of the body [1], and of each node's
+independent speed, in extents of the body per second [1/s]; choice."""
 
 
 class TissueProcess:
@@ -36,7 +36,7 @@ class TissueProcess:
 
     The state contains positions, velocities, forces, the discrepancy and constant errors. Short forces are stated as
     accelerations of marked nodes, slow forces as coefficients of a smooth field. The discrepancy is the displacement
-    that the modelled motion leaves out. It is stated as coefficients of basis functions [1].
+    that the modelled motion leaves out. It is stated as coefficients [1] of basis functions.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class TissueProcess:
     elements : sequence of ForceElement
         Elements in addition to the network's springs, resistance and weight.
     sigma_points : bool
-        Whether sigma points linearise the motion, in place of derivatives. Not possible with `elements`.
+        Whether the motion is linearised by sigma points instead of derivatives. Not possible with `elements`.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class TissueProcess:
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
-        """Write the prior of forces and discrepancy into cov (n, n), from variances of the sources (n_sources,)."""
+        """Write the prior covariance of forces and discrepancy into `cov`, (n, n), for given source variances."""
         strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
         cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
@@ -136,7 +136,7 @@ class TissueProcess:
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); also valid for velocities."""
+        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); velocities from velocities."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
@@ -156,7 +156,7 @@ class TissueProcess:
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Prior mean (n,), which is rest at `network.positions`, and prior covariance in each mode (n_modes, n, n)."""
+        """Prior mean (n,) and covariances in the modes (n_modes, n, n). The mean is rest at `network.positions`."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
@@ -189,7 +189,7 @@ class TissueProcess:
         return np.concatenate([self.motion.moved(state[:start], dt), self._fading(dt) * state[start:behind], lasting])
 
     def pushed(self, state: Floats, dt: float, forces: Floats) -> Floats:
-        """Change of the state (n, k) over dt [s] under k constant forces on the free nodes [N], (n_free dim, k)."""
+        """Change of the state over dt [s], (n, k), by each column of constant forces [N], (n_free dim, k)."""
         masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
         moving, found = self.parts["velocity"].stop, np.zeros((self.n, forces.shape[1]))
         accelerations = self.span.onto @ (forces / masses[:, None])

@@ -30,10 +30,10 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.5
-"""If all n marks are outliers for this time divided by n, the filter restarts [s]; choice."""
+"""The filter restarts if all marks are outliers for this time, divided by the number of marks [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest step of `predict_at` and similar methods, and longest step under a known force [s]; numerical."""
+"""Longest step of a prediction beyond the filter's time, and longest step under a known force [s]; numerical."""
 
 UNMEASURED = 0.5
 """A coordinate of a mark is not measured if its standard deviation exceeds this share of the body's extent; choice."""
@@ -62,7 +62,7 @@ class FilterSnapshot:
     open_loop_cov: Floats
 
     def without_marks(self) -> FilterSnapshot:
-        """Copy of the snapshot in which the hypotheses and the health are those before the first marks."""
+        """Copy of the snapshot with the prior as hypotheses, and with the health of a new filter."""
         fresh = {"health": Health(), "_refuted_s": -np.inf, "_far_fix": None, "_placed": None}
         return replace(self, own={**self.own, **fresh}, filter=None)
 
@@ -74,7 +74,7 @@ class TissueFilter(TissuePosterior):
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        Name of a node, or a point of the tissue. Only a `TargetPoint` states the error of its offset (`sd_m`).
+        Name of a node, or a point of the tissue. Only a `TargetPoint` can have an offset, with an error (`sd_m`).
     marked : sequence of str
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
@@ -90,7 +90,7 @@ class TissueFilter(TissuePosterior):
     def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
         """Restart with the nodes at their last estimated positions or, if `as_drawn`, at `network.positions`.
 
-        marks: a body without anchors is moved rigidly from `network.positions` to these marks
+        marks: marks to which a body without anchors is registered when it restarts at `network.positions`
         """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
@@ -121,7 +121,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Yield a list with the estimate of each frame (time [s], marks). `advance` is called with the share done."""
+        """For each frame (time [s], marks), yield a list of one estimate; `advance` gets the share of frames done."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -130,7 +130,7 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Predict the state at an exposure time [s]. Raises ValueError for an infinite time, or if the state is later.
+        """Predict the state at an exposure time [s]. Raises ValueError for an infinite or an earlier time.
 
         push: known force on the tissue, such as the force of a needle
         """
@@ -140,7 +140,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at a time [s]. If this step exceeds `forget_s`, reset the state and return True."""
+        """Predict the state at a time [s]. If the time step exceeds `forget_s`, reset the state and return True."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -182,9 +182,9 @@ class TissueFilter(TissuePosterior):
             self.restore(now)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """Predict the target at a later time [s]. The state of the filter does not change.
+        """Predict the target at a later time [s], under the known force `push`. The state does not change.
 
-        push: known force on the tissue. Raises ValueError before the first frame, and for an earlier or infinite time.
+        Raises ValueError before the first frame, and for an earlier or infinite time.
         """
         with self._unchanged():
             self._ahead(time_s, push)
@@ -211,7 +211,7 @@ class TissueFilter(TissuePosterior):
         return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables that predict the target at n_times future times with an interval of cycle_s [s]."""
+        """Tables that predict the target at n_times times with the interval cycle_s [s], from the filter's time on."""
         return AheadTables.of(self, n_times, cycle_s)
 
     @all_or_nothing

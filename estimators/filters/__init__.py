@@ -1,6 +1,6 @@
 """Generic filters: unscented Kalman filter, based on filterpy; estimate of a variance factor.
 
-A filter for springs or marks does not belong here.
+A filter that depends on springs or marks does not belong here.
 """
 
 from estimators.filters.adaptation import VarianceScale

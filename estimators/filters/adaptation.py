@@ -8,13 +8,13 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """Recursive maximum-likelihood estimate of the factor `scale` in the innovation covariance rest + scale * part.
+    """Recursive maximum-likelihood estimate of the factor `scale` in the innovation covariance `rest + scale * part`.
 
     Each innovation changes log(scale) by the score divided by the Fisher information. The information from earlier
     innovations decays with the time constant forget_s. Source: [titterington1984].
 
     bounds: smallest and largest scale
-    start_information: number of measured coordinates that would have the same weight as the initial scale 1
+    start_information: weight of the initial scale 1, as an equivalent number of measured coordinates
     State: scale; information, the Fisher information of log(scale).
     """
 
@@ -28,9 +28,9 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """Update with an innovation (m,), dt [s] after the last one, and return the scale.
+        """Update with an innovation (m,) that follows the last innovation after dt [s]. Returns the new `scale`.
 
-        part, rest: parts of the innovation covariance, (m, m)
+        part, rest: the two terms of the innovation covariance `rest + scale * part`, (m, m)
         """
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)

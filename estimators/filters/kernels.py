@@ -10,12 +10,12 @@ import numpy as np
 from numba import njit
 
 FASTMATH = {"contract", "reassoc"}
-"""Reorderings of sums that the compiler may apply; NaN and infinity keep their meaning."""
+"""The compiler may fuse multiplications with additions, and reorder sums. NaN and infinity keep their meaning."""
 
 
 @njit(cache=True, nogil=True)
 def chol_lower(P):  # type: ignore[no-untyped-def]
-    """Lower triangular L with L L' = P, (n, n), and whether P was positive definite."""
+    """Lower triangular matrix L (n, n) with `L L' = P`, and whether P is positive definite."""
     n = P.shape[0]
     L = np.zeros((n, n))
     for j in range(n):
@@ -59,7 +59,7 @@ def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
-    """Sigma points (2n + 1, n): x, x plus and x minus each column of chol(scale P); whether P was positive definite."""
+    """Sigma points x and `x ± c` for each column c of `chol(scale P)`, (2n + 1, n); whether P is positive definite."""
     n = x.shape[0]
     L, definite = chol_lower(scale * P)
     points = np.empty((2 * n + 1, n))
@@ -73,7 +73,7 @@ def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH)
 def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
-    """Mean (n,) and covariance (n, n) of weighted points plus noise; the covariance is exactly symmetric."""
+    """Mean (n,) and exactly symmetric covariance (n, n) of points with weights Wm, Wc, plus noise covariance Q."""
     n_points, n = points.shape
     x = np.zeros(n)
     for k in range(n_points):
@@ -109,7 +109,7 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
     """Reduction of the target's variance by each block of `width` measurements, (m / width,).
 
     gain: Kalman gain G of the target, (n, m); S_inv: inverse of the innovation covariance S, (m, m)
-    Block i reduces the variance by tr G_i (S^-1_ii)^-1 G_i'.
+    The reduction by block i is `trace(G_i ((S^-1)_ii)^-1 G_i')`.
     """
     traces = np.empty(len(S_inv) // width)
     for i in range(len(traces)):
@@ -124,8 +124,8 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     """NIS that remains after the best common shift of all blocks, and smallest NIS after one block is omitted.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance; width: number of measurements in a block
-    The best shift of blocks reduces the NIS by w'H (H' S^-1 H)^-1 H'w, with w = S^-1 y. H is a unit matrix in the rows
-    of shifted blocks, else zero. The omission of a block reduces the NIS as much as the best shift of this block.
+    The best shift of blocks reduces the NIS by `w'H (H' S^-1 H)^-1 H'w`, with `w = S^-1 y`. H has one unit matrix per
+    shifted block, else zeros. The omission of a block reduces the NIS as much as the best shift of this block alone.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -170,7 +170,8 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
     """Whether any two marks can exchange names at an additional cost below `limit`.
 
-    costs (n, n): cost of mark j on node i, 0 for an absent mark; pairs (n, n): whether two marks may be exchanged
+    costs (n, n): cost of mark j on node i; the column of an absent mark is 0
+    pairs (n, n): whether two marks may be exchanged
     """
     n = len(costs)
     for i in range(n):

@@ -28,7 +28,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y), and these differences.
 
     - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return a row for each;
-    - the length of a measurement may change between updates, together with hx and R;
+    - the length of a measurement may change between updates, if hx and R change with it;
     - P is exactly symmetric, and a P or S that is not positive definite raises CovarianceError;
     - the likelihood is stored as a logarithm, so that it cannot underflow.
 
@@ -53,9 +53,9 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
-        """Update with a measurement z (m,) and its noise covariance R (m, m). If z is None, nothing changes.
+        """Update with a measurement z (m,) and its noise covariance R (m, m), unless z is None. Raises CovarianceError.
 
-        hx: function from sigma points (n_points, dim_x) to measurements (n_points, m). Raises CovarianceError.
+        hx: function from sigma points (n_points, dim_x) to measurements (n_points, m)
         """
         if z is None:
             return

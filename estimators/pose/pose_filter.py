@@ -1,10 +1,11 @@
 """Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis about the last sudden move.
 
-A reference mark with the stated place x is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t)
-about the centre c is the pose error, and n is noise. The calibration errors k, of unit variance, and the errors e of
-the places are considered, not estimated (Schmidt-Kalman filter). In 3-D, a camera measures the projection of p. The
-pose drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In each frame, one more hypothesis assumes that the
-camera was moved after the last frame. Hypotheses are weighted by their likelihoods, and improbable ones are dropped.
+A reference mark with the stated place x is measured at `p = R (x + e - c) + c + t + B k + n`. The rigid motion (R, t)
+about the centre c is the pose error, e is the error of the stated place, and n is noise. B contains the effects of
+calibration errors k with unit variance. The errors e and k are considered, not estimated (Schmidt-Kalman filter). In
+3-D, a camera measures the projection of p. The pose drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In
+each frame, one more hypothesis assumes that the camera was moved after the last frame. Hypotheses are weighted by their
+likelihoods, and improbable ones are dropped.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR = 5, 1e-3
-"""Largest number of iterations of an update, and change of the motion below which iterations end [m], [rad]; numerical.
-The error is then about half the square of the change."""
+"""Limits for an iterated update; numerical. It ends after ITERATIONS, or after a change of the motion below NEAR [m],
+[rad]. The remaining error is about half the square of this change."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Smallest number of reference marks with which a wrong mark can be found. Of two marks, either may be wrong."""
+"""Smallest number of reference marks for which a wrong mark can be identified. If two disagree, either may be wrong."""
 
 
 SURE = 10.0
@@ -52,9 +53,9 @@ class PoseEstimate:
     """Estimate of the pose error at one time.
 
     motion: rigid motion from the true positions of points to their measured positions
-    cov: covariance of the error of translation [m] and rotation [rad], (n, n), including the effect of errors of the
-        reference marks' stated places
-    columns: change of the motion by one standard deviation of each calibration error [m], [rad], (n, n_calibration)
+    cov: covariance of the error of translation [m] and rotation [rad], (n, n). It includes errors in the stated places
+        of the reference marks.
+    columns: change of the motion per standard deviation of each calibration error [m], [rad], (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -83,8 +84,8 @@ class PoseEstimate:
 class _Hypothesis:
     """Gaussian of the motion (n,) and of its rate (n,), with covariance P (2 n, 2 n).
 
-    columns: change of motion and rate per standard deviation of each calibration error and each error of a stated
-        place, (2 n, n_errors)
+    columns: change of motion and rate per standard deviation of each calibration error, then of each error in the
+        stated places of the reference marks, (2 n, n_errors)
     wrong: names of the reference marks that the hypothesis rejects in this frame
     """
 
@@ -108,10 +109,10 @@ class PoseFilter:
     n_calibration: number of columns of the marks' `shared`
     place_sd_m: standard deviation of the error of `places` on each axis [m]
     seen: measurement function. From points [m], (k, dim), it returns measured values, (k, m), and their derivatives,
-        (k, m, dim). A value that cannot be measured is not finite. Scale the values so that a shift of a point by 1 m
-        changes the values by about 1. Default: the measured values are the points themselves.
-    State: time_s, time of the state [s], None before the first frame; hypotheses, the most probable first; time of the
-    last mark; motion at the last report; wrong, names of the reference marks rejected in the last frame.
+        (k, m, dim). A value that cannot be measured is not finite. A shift of a point by 1 m should change the values
+        by about 1. Default: the measured values are the points themselves.
+    State: time_s, the time of the state [s], None before the first frame; hypotheses, the most probable first; time of
+    the last mark; motion at the last report; wrong, the names of the reference marks rejected in the last frame.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class PoseFilter:
         ]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
-        """Update with the reference marks at the state's time; returns a move that must be reported, or None."""
+        """Update with the reference marks at the state's time. Returns a move if one has to be reported, else None."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")
         self.wrong = frozenset()
@@ -279,7 +280,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """Change of the pose since the last report. The result is None if the change is uncertain or a small drift."""
+        """Change of the pose since the last report; None if the change is uncertain, or if it is only a small drift."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

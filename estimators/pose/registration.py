@@ -21,8 +21,8 @@ LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: above it, linearisation is inaccurate."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Largest number of Newton steps, and convergence threshold of the squared normalised step, relative to 1 + chi-square;
-numerical."""
+"""Largest number of Newton steps, and convergence limit for `step' A step / (1 + chi-square)` [1]; numerical. A is the
+information matrix of the motion."""
 
 ROUNDING = 1e-9
 """Largest relative increase of chi-square by a rounding error. After a larger increase, a step is halved; numerical."""
@@ -39,7 +39,7 @@ class Registration:
     motion: motion from the body's own coordinates to the coordinates of the measured points
     cov: covariance of the error of translation [m] and rotation [rad], (n, n)
     residuals: measured minus moved points [m], (k, dim)
-    residual_covs: expected covariance of each residual, from the covariances of the points [m²], (k, dim, dim)
+    residual_covs: covariance of each residual, as it follows from the covariances of the points [m²], (k, dim, dim)
     chi_square: sum of the squared residuals, normalised by the points' covariances [1]
     """
 
@@ -70,7 +70,7 @@ class Registration:
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration error [m²], (k, dim, dim); drawn: points in the body's own coordinates [m]."""
+        """Covariance of the registration error [m²], (k, dim, dim), at points in the body's own coordinates [m]."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 

@@ -1,4 +1,4 @@
-"""Rigid motions in the plane and in space, p = R (x - c) + c + t, and small changes of such a motion."""
+"""Rigid motions `p = R (x - c) + c + t` in the plane and in space, and small changes of a motion."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ GENERATORS = {
         ]
     ),
 }
-"""Generators of the rotations for each dimension, (dim (dim - 1) / 2, dim, dim): d/da exp(a G) = G at a = 0."""
+"""Generators G of the rotations by dimension, (dim (dim - 1) / 2, dim, dim). `exp(a G)` is a rotation by a [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigidMotion:
-    """Rigid motion that maps a point x [m] to R (x - c) + c + t [m].
+    """Rigid motion that maps a point x [m] to `R (x - c) + c + t` [m].
 
     rotation: R, (dim, dim); translation: t [m], (dim,); centre: c [m], (dim,)
-    A small change of the motion has n numbers: translation [m], then rotation [rad], applied from the left.
+    A small change is a vector (n,): translation [m], then rotation [rad]. The small rotation is applied after R.
     """
 
     rotation: Floats
@@ -35,7 +35,7 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The identity; centre: point about which later changes rotate [m], (dim,)."""
+        """The identity. Later changes rotate about the point `centre` [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:
@@ -43,11 +43,11 @@ class RigidMotion:
         return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
 
     def back(self, points_m: Floats) -> Floats:
-        """Points before the motion, from points after the motion [m], (k, dim)."""
+        """Inverse of `moved`: positions of the points before the motion [m], (k, dim)."""
         return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
 
     def change_of(self, moved_m: Floats) -> Floats:
-        """Derivative of moved points [m], (k, dim), with respect to a small change of the motion, (k, dim, n)."""
+        """Derivative (k, dim, n) of the moved points [m], (k, dim), with respect to a small change of the motion."""
         arms = moved_m - self.centre - self.translation
         turned = np.einsum("aij,kj->kia", GENERATORS[len(self.centre)], arms)
         return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)

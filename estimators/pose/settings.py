@@ -17,12 +17,12 @@ class PoseSettings:
     moved_m, moved_rad: standard deviation of a sudden move [m], [rad]; choice
     moved_each_s: mean time between two sudden moves [s]; choice
     wrong_share: share of reference mark measurements that really show another object [1]; choice
-    wrong_m: standard deviation of a wrong measurement about the reference mark, on each axis [m]; choice
-    gate: normalised innovation squared per degree of freedom above which wrong measurements are searched for [1];
-        choice
+    wrong_m: standard deviation of the error of a wrong measurement, on each axis [m]; choice
+    gate: if the normalised innovation squared per degree of freedom exceeds this number, the filter searches for wrong
+        measurements [1]; choice
     n_hypotheses: largest number of hypotheses [1]; choice
     least: probability of a hypothesis, relative to the best one, below which it is dropped [1]; choice
-    drifted_m, drifted_rad: drift since the last report above which a new report is made [m], [rad]; choice
+    drifted_m, drifted_rad: largest drift since the last report without a new report [m], [rad]; choice
     """
 
     start_m: float = 1e-3

@@ -11,17 +11,17 @@ from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 
 ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
-"""Forces on the free nodes [N], (n_free, dim), constant during the prediction; or a function of time [s] and states.
+"""Known forces on the free nodes [N]: constant forces, (n_free, dim), or a function that is called once per step.
 
-The function is called once per step of at most 1/120 s, with the time at the middle of the step and the states
-(..., n_state) at its start. It returns the forces during the step, (..., n_free, dim) or (n_free, dim). They must not
-contain friction whose sign may change within a step, because the friction would oscillate."""
+Arguments of the function are the time [s] at the middle of the step, and the states, (..., n_state), at the start of
+the step. The function returns the forces during the step, (..., n_free, dim) or (n_free, dim). A step takes at most
+1/120 s. Friction must not change its sign within a step, because the friction would oscillate."""
 
 
 class KnownForce:
     """Known force on the tissue, evaluated step by step during a prediction.
 
-    State: time_s, end of the present step [s]; dt, length of this step [s].
+    State: time_s, the end of the present step [s]; dt, the length of the present step [s].
     """
 
     def __init__(self, push: ForceHistory, network: MassSpringNetwork, time_s: float) -> None:
@@ -38,7 +38,7 @@ class KnownForce:
     def forces(self, states: Floats) -> Floats:
         """Forces on the free coordinates [N], (..., n_free dim), in states (..., n_state) at the start of the step.
 
-        Raises ValueError if the forces have a shape that `ForceHistory` does not name, or if a force is not finite.
+        Raises ValueError if a force is not finite, or if the forces have none of the shapes in `ForceHistory`.
         """
         if callable(self._push):
             return self._flat(self._push(self.time_s - 0.5 * self.dt, states), states.shape[:-1])

@@ -13,7 +13,7 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Largest number of motions of the hidden masses [1]; numerical. The slowest motions are used."""
+"""Largest number of vibration modes of the hidden masses [1]; numerical. If there are more, the slowest are used."""
 
 KEPT = 64
 """Largest number of combinations of frame interval and visible marks whose matrices are cached."""
@@ -23,9 +23,10 @@ class OpenLoopCovariance:
     """Covariance of the target in an open-loop estimate, linearised about rest.
 
     Between frames, a marked mass moves straight from one measured position to the next. If its mark is not visible, it
-    stays at its last position. Hidden masses follow their equations of motion under unknown white acceleration
-    [m/s²/sqrt(Hz)]. For large bodies, only the slowest motions are computed.
+    stays at its last position. Hidden masses follow their equations of motion under white acceleration noise. For large
+    bodies, only the slowest vibration modes are computed.
 
+    white: density of the acceleration noise [m/s²/sqrt(Hz)]
     State: cov, covariance of the positions and velocities of hidden masses, and of the errors of marked masses.
     """
 
@@ -59,7 +60,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Predict over dt [s] to a frame; noise: covariance of each visible mark [m²], (dim, dim), by its node."""
+        """Predict over dt [s] to a frame. `noise`: node and covariance [m²], (dim, dim), of each visible mark."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:
@@ -79,11 +80,7 @@ class OpenLoopCovariance:
         self.cov = new
 
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
-        """Matrices F, kept, G and Q for a step of dt [s] to a frame with visible marks on the nodes `seen`.
-
-        F (n, n + m), G (n, m): effects of the last state and of the visible marks' errors on the hidden masses
-        kept (m,): 0 for coordinates of visible marks, else 1; Q (n, n): covariance due to unknown forces
-        """
+        """Matrices F, kept, G and Q that `take` uses for dt [s] and a frame with visible marks on the nodes `seen`."""
         n = self._n
         if dt > 0.0:
             own, start, end, noise_added = self._step(dt)
@@ -114,7 +111,7 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """Slowest motions of n free coordinates while all others are fixed, as columns (n, r), and their left inverse.
+    """Matrix (n, r) of the slowest vibration modes of n coordinates, and its left inverse. Others are fixed.
 
     by_mass: -K / mass, (n, n); rows: indices of the n coordinates among the free coordinates
     """

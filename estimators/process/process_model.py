@@ -23,14 +23,14 @@ from dynamics import (
 from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
-"""Longest time between two additions of noise [s]; choice. After 0.2 s, the error of the mean is 23 µm, and the error
-of the covariance 0.5 %. With 1/240 s the computation takes twice as long."""
+"""Longest integration step, after which noise is added [s]; choice. A prediction over 0.2 s has an error of 23 µm in
+the mean and 0.5 % in the covariance. With steps of 1/240 s, the computation takes twice as long."""
 
 LOOSE = 1e-11
-"""Relative stiffness that counts as zero, because rounding errors are as large."""
+"""A stiffness below this share of the largest stiffness is a rounding error and counts as zero [1]; numerical."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
-"""Quadrature nodes and weights on (-1, 1), exact up to rounding errors for steps up to twice the correlation time."""
+"""Quadrature nodes and weights on (-1, 1). In steps up to twice the correlation time, only rounding errors remain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class FixBias:
 class TissueModel:
     """Process model of a network under unknown forces.
 
-    uncertainty: directions in which the network's constants are uncertain
+    uncertainty: uncertainty of the network's constants
     dim_x: number of states, which are positions, velocities, and a poke for each coordinate of a marked node
     """
 
@@ -81,7 +81,7 @@ class TissueModel:
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Sigma points of each mode after dt [s], (n_modes, n_points, dim_x), with states in [m], [m/s], [N]."""
+        """Predict the sigma points of each mode over dt [s], (n_modes, n_points, dim_x), in [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -92,7 +92,7 @@ class TissueModel:
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
 
     def resting_columns(self, shape: Floats) -> Floats:
-        """Change of the rest shape by a unit error of the constants in each uncertain direction, (dim_x, n_directions).
+        """Change of the rest shape per standard deviation of each error of the constants, (dim_x, n_directions).
 
         shape: positions of all nodes [m], (n_nodes, dim)
         """
@@ -121,7 +121,7 @@ class TissueModel:
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density, (dim_x, dim_x) each, of the motion about a shape [m]; state in [m], [m/s], [N].
+        """Matrix A and noise density of the motion about a shape [m], (dim_x, dim_x); states in [m], [m/s], [N].
 
         Negative stiffnesses, such as that of a buckling link, are replaced by zero, so that no motion grows.
         """
@@ -139,7 +139,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add to Q the covariance of positions and velocities after dt. white: densities of accelerations, (half,)."""
+    """Add to Q the covariance due to white acceleration noise over dt [s]. Its densities are `white`, (half,)."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0
@@ -159,9 +159,9 @@ def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
-    """Covariance (n, n) of x after a time [s], if x starts at zero and dx/dt = A x + white noise with a given density.
+    """Covariance (n, n) of x after a time [s] if `x(0) = 0` and `dx/dt = A x + w`.
 
-    Source: [vanloan1978].
+    The white noise w has the given density, (n, n). Source: [vanloan1978].
     """
     n = len(A)
     step, doublings = seconds, 0
@@ -178,9 +178,9 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
-    """Covariance of position, velocity and poke (as an acceleration), (3, 3), due to the noise of the poke over dt [s].
+    """Covariance (3, 3) of position, velocity and poke due to the noise of the poke over dt [s].
 
-    sd: standard deviation of the poke as an acceleration [m/s²]; tau: correlation time of the poke [s]
+    sd: standard deviation of the poke, stated as an acceleration [m/s²]; tau: correlation time of the poke [s]
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

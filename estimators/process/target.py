@@ -16,7 +16,8 @@ class TargetPoint:
     """A point of the tissue: the weighted sum of node positions, plus an offset.
 
     nodes: names of n nodes; weights: weight of each node, (n,), with sum 1. A point with one node needs no weight.
-    offset_m: constant offset [m], (dim,), zero if empty; sd_m: standard deviation of its error on each axis [m]
+    offset_m: constant offset [m], (dim,), zero if empty
+    sd_m: standard deviation of the error of `offset_m` on each axis [m]
     """
 
     nodes: tuple[str, ...]
@@ -35,7 +36,7 @@ class TargetPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetMap:
-    """Map from a state to the position of a target: matrix @ (positions of the free nodes) + constant.
+    """Map from a state to the position of a target: `matrix @ (positions of the free nodes) + constant`.
 
     point: the target; matrix: weights of the free nodes [1], (dim, n_free dim)
     constant: offset plus the weighted positions of fixed nodes [m], (dim,)
@@ -63,7 +64,7 @@ class TargetMap:
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
     """Map from a state to the position of a target, which is a point of the tissue or the name of a node.
 
-    Raises NetworkError for unknown nodes. Raises ValueError if no free node has a weight, or if the offset is invalid.
+    Raises NetworkError for unknown nodes. Raises ValueError if all free nodes have weight 0, or for an invalid offset.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target
     offset = np.array(point.offset_m or np.zeros(network.dim), dtype=float)

@@ -37,7 +37,7 @@ class Replay:
     later ones. The result equals, bit for bit, the result of the same events in order of exposure.
 
     horizon_s: length of the history [s]
-    State: the filter; the events of the last horizon_s, and the filter's state before each of them.
+    State: the filter, the events of the last horizon_s, and the state of the filter before each event.
     late: number of late events by result: `fused` for used events, `rejected` for events older than the history
     """
 
@@ -50,16 +50,16 @@ class Replay:
         self._kept: list[_Kept] = []
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """Use marks with an exposure time [s]; returns the newest estimate, or None for marks older than the history.
+        """Use the marks of an exposure time [s]. Returns the newest estimate; None for marks older than the history.
 
-        Raises ValueError as the filter does.
+        Raises the errors of `TissueFilter.predict` and `TissueFilter.update`.
         """
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """Use a fix of the target at a time [s]; returns the newest estimate, or None for a fix older than the history.
+        """Use a fix measured at a time [s]. Returns the newest estimate; None for a fix older than the history.
 
-        position: measured position [m], (dim,); cov: covariance of the measured position [m²], (dim, dim)
+        position: measured position of the target [m], (dim,); cov: covariance of this position [m²], (dim, dim)
         """
         return self._fused(Event(time_s, fix=(position, cov)))
 

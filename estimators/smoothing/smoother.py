@@ -1,7 +1,7 @@
 """Fixed-interval and fixed-lag smoothing: estimates of the target from earlier and later marks.
 
 The Rauch-Tung-Striebel smoother treats the filter's mixture as one Gaussian with the same mean and covariance. This is
-possible because all modes have the same transition. Source: [rauch1965].
+possible because the transition matrix is the same for all modes of the unknown forces. Source: [rauch1965].
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ForwardPass:
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
         """Update with the marks of a frame; returns the filter's estimate and the `Step` for a smoother.
 
-        Raises ValueError as the filter does.
+        Raises the errors of `TissueFilter.predict` and `TissueFilter.update`.
         """
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
@@ -70,7 +70,7 @@ class ForwardPass:
         return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
-        """Mean [m], (dim,), and covariance [m²] of the target at each step given all steps, the last step first."""
+        """Smoothed mean [m], (dim,), and covariance [m²] of the target. Steps and results begin with the last step."""
         target = self.tissue.target
         rows = self.tissue.rows_of(target)
         for mean, cov in smooth(steps, self.tissue.process.considered):
@@ -84,8 +84,9 @@ def fixed_interval(
     *,
     fixes: Iterable[TimedFix] = (),
 ) -> list[TargetEstimate]:
-    """Estimate the target at each frame from all frames and all fixes; frames: (time [s], marks) in order of time.
+    """Estimate the target at each frame from all frames and all fixes.
 
+    frames: time [s] and marks of each frame, in order of time
     advance: called with the share of the computation that is done
     fixes: direct measurements of the target. Fixes before the first marks or after the last frame are ignored.
     """
@@ -110,7 +111,7 @@ def fixed_interval(
 
 
 class FixedLag:
-    """Smoother that estimates the target with a delay, from all marks until now.
+    """Smoother that estimates the target with a delay. Each estimate uses all marks up to the newest frame.
 
     lag_s: smallest delay [s]
     State: the forward pass, and its frames within the last lag_s.
@@ -124,7 +125,7 @@ class FixedLag:
         self._passed: deque[tuple[TargetEstimate, Step]] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """Use the marks of a frame; returns the target at the newest frame that is at least lag_s old, or None."""
+        """Use the marks of a frame. Returns the target at the newest frame that is lag_s old, None if all are newer."""
         self._passed.append(self._passage.take(time_s, marks))
         due_s = time_s - self.lag_s
         while len(self._passed) > 1 and self._passed[1][0].time_s <= due_s:
@@ -137,7 +138,7 @@ class FixedLag:
 
 
 def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tuple[Floats, Floats]]:
-    """Mean (n,) and covariance (n, n) of the state at each step given all steps, the last step first.
+    """Smoothed mean (n,) and covariance (n, n) of the state at each step. Steps and results begin with the last step.
 
     considered: indices of the states that no observation corrects
     """

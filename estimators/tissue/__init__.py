@@ -1,6 +1,6 @@
 """Marks, estimates, settings and health of the filters.
 
-Records that all filters use belong here.
+Data classes that all filters use belong here.
 """
 
 from estimators.tissue.estimate import CommonShift, GaussianMixture, MarkMeasurement, Status, TargetEstimate

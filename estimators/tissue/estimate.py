@@ -15,7 +15,7 @@ from estimators.arrays import Floats
 from estimators.filters.kernels import is_gaussian
 
 ROUNDING = 1e-9
-"""Largest asymmetry of a covariance, relative to its largest entry, that rounding errors of a product J C J' cause."""
+"""Largest asymmetry of a covariance that counts as a rounding error, relative to its largest entry [1]; numerical."""
 
 
 class Status(StrEnum):
@@ -37,12 +37,12 @@ class Status(StrEnum):
 class MarkMeasurement:
     """Measured position of one mark, with its covariance.
 
-    node: name of the node that bears the mark; position: measured position [m], (dim,)
+    node: name of the node that the mark is on; position: measured position [m], (dim,)
     cov: covariance of the mark's own error [m²], (dim, dim), positive definite
     shared: shift of the mark per standard deviation of each independent error that all marks of a frame share, such as
         a calibration error [m], (dim, n_shared)
 
-    Arrays are copied and made read-only, so that they stay valid after the check.
+    Arrays are checked, copied and made read-only.
     """
 
     node: str
@@ -99,7 +99,7 @@ class CommonShift:
     """Test of whether one common shift explains the innovations of all marks in a frame, including rejected marks.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
-    nis_of_one: smallest NIS that remains after one mark alone is shifted; this equals the NIS without that mark
+    nis_of_one: smallest NIS that remains after one mark is omitted; the best shift of this mark leaves the same NIS
     """
 
     n_marks: int
@@ -119,9 +119,9 @@ class TargetEstimate:
     nis: normalised innovation squared of the used marks; None without marks, or if the method does not compute it
     poked: probability that a short external force acts; 0 for a continuum, None if the method does not compute it
     model_only: whether marks contribute almost nothing, so that the estimate is a prediction by the model
-    gain: 1 - a / b, with the variance a of the filter and the variance b of an open-loop estimate, in which the marks
+    gain: `1 - a / b`; a is the variance of the filter, and b the variance of an open-loop estimate, in which the marks
         drive the model and no filter corrects it
-    information_share: relative increase of the target's variance without one of the used marks, by the mark's node
+    information_share: relative increase of the target's variance if one used mark were omitted, by the mark's node
     shift: test for a common shift of all marks; None without marks, and in the first frame with marks
     noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
     measured: number of coordinates that the used marks measure; None: all coordinates
@@ -149,7 +149,7 @@ class TargetEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussianMixture:
-    """A Gaussian mixture: weights (k,) with sum 1, means [m], (k, dim), and covariances covs [m²], (k, dim, dim)."""
+    """Mixture of k Gaussians: `weights` (k,) with sum 1, `means` (k, dim) in [m], `covs` (k, dim, dim) in [m²]."""
 
     weights: Floats
     means: Floats

@@ -1,4 +1,4 @@
-"""Gate for measurements. A measurement outside the gate is rejected, unless the last rejected measurement is near."""
+"""Gate for measurements. A measurement outside it is rejected, unless it is near the last rejected measurement."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether a measurement is within the gate around an earlier one; the gate allows for an impulse in between."""
+    """Whether the measurement `now` is in the gate around the earlier measurement `known`, widened by an impulse."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

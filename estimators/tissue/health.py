@@ -13,8 +13,8 @@ LEAST_FRAMES = 2
 """Smallest number of frames whose innovations are tested together."""
 
 MANY_DISTURBANCES = 2.5
-"""Largest number of disturbances within test_s, as the sum of their probabilities; numerical: two disturbances are
-allowed, and a third one must have a probability below 0.5."""
+"""Largest sum of the probabilities of disturbances within test_s [1]; numerical. Two certain disturbances are allowed,
+and a third disturbance with a probability of at most 0.5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ def after_frame(
 
     Until marks have been used for confirm_s, the status is INITIALISING. Then it is TRACKING in frames with marks, and
     COASTING in frames without marks. If no marks are used for longer than lost_s, it becomes LOST. The next marks lead
-    to INITIALISING. If the sum of the NIS over test_s is too large, or more than two disturbances are probable in this
-    time, the status is DIVERGED and the filter restarts. If the filter then agrees with the marks for test_s, the
-    status is TRACKING again.
+    to INITIALISING. If the sum of the NIS over test_s is too large, or if more than two disturbances are probable
+    within test_s, the status is DIVERGED and the filter restarts. If the restarted filter agrees with the marks for
+    test_s, the status is TRACKING again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -79,7 +79,7 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of the NIS of some frames exceeds `largest_ratio` times the sum of their degrees of freedom."""
+    """Whether the sum of the NIS in `Health.innovations` exceeds the limit that follows from `largest_ratio`."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
@@ -87,7 +87,7 @@ def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: flo
 def largest_ratio(degrees: int, sigmas: float) -> float:
     """Largest plausible ratio of a sum of NIS to its degrees of freedom: a quantile of the chi-square distribution.
 
-    sigmas: the quantile, as a number of standard deviations of a normal variable. Source: [wilson1931].
+    sigmas: quantile of the standard normal distribution with the same probability. Source: [wilson1931].
     """
     spread = 2.0 / (9.0 * degrees)
     return (1.0 - spread + sigmas * sqrt(spread)) ** 3

@@ -15,7 +15,7 @@ class FilterSettings:
     led_nodes: marked nodes that an external force, such as a gripper's, may drag at any time; source: the scene
     discrepancy: standard deviation of the model's error, relative to the body's extent [1]; source: the scene. If it is
         None, the filter estimates it
-    sigma_points: whether sigma points linearise the motion, in place of derivatives; source: the caller
+    sigma_points: whether the motion is linearised by sigma points instead of derivatives; source: the caller
     fix_bias: common error of all fixes (direct measurements) of the target, or None; source: the scene
     outlier_odds: prior odds that a mark is an outlier, whose position is uniform over the body's extent [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %

@@ -1,8 +1,8 @@
 """Motion of a continuum in closed form: damped vibration modes under surface forces that decay.
 
-A vibration mode with angular frequency w and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and
-to a force exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time: it is the
-difference of two states with different decay rates and the same noise.
+A vibration mode with angular frequency w and damping c follows `x'' + c x' + w² x = f`. Its responses to an impulse and
+to a force `exp(-a t)` are sums of exponentials, so a step of any length is exact. Each force is the difference of two
+states that decay at different rates and have the same noise. The force is therefore smooth in time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from estimators.core.motion.model import SOURCES, Along
 Exponents = NDArray[np.complex128]
 
 APART = 1e-3
-"""Smallest difference between the two roots of a mode, and between a root and a force's rate [1/s]; numerical."""
+"""Smallest difference between two exponents in the response of a mode to a force [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
 """Largest share of the mean square displacement that omitted surface forces may cause [1]; numerical."""
@@ -31,18 +31,18 @@ SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
 
 NODES, PANEL = 16, 8.0
-"""Gauss quadrature: number of nodes in a panel, and length of a panel times the integrand's rate [1]; numerical."""
+"""Gauss quadrature: nodes per panel, and longest panel in time constants of the integrand [1]; numerical."""
 
 FIXED = 1e-6
-"""Small standard deviation of coordinate 0, which is constant, so that its variance is positive [1]; numerical."""
+"""Standard deviation assigned to coordinate 0 [1]; numerical. The coordinate is constant, but no variance may be 0."""
 
 
 class ContinuumSpan(Span):
-    """Map from coordinates to positions: `network.positions` times coordinate 0, plus displacements of the modes."""
+    """Map from coordinates to positions. Coordinate 0 scales `network.positions`; the others scale vibration modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """Make the span of a continuum. Coordinate 0 is always 1; the others are the amplitudes of modes [m]."""
+        """Make the map of a continuum. Coordinate 0 is always 1; the others are the amplitudes of modes [m]."""
         solid = network.continuum
         assert solid is not None  # the caller checks it
         drawn = network.positions[network.free].reshape(-1, 1)
@@ -59,7 +59,7 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Diagonal covariance of the coordinates (n, n), from their standard deviations `white`."""
+        """Diagonal covariance matrix of the coordinates, (n, n). `white` contains the standard deviations."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
@@ -71,7 +71,7 @@ class ContinuumMotion:
     network : MassSpringNetwork
         Network with a continuum.
     disturbances : Disturbances
-        Prior of the surface forces, which are stated as accelerations of the whole mass.
+        Prior of the surface forces. Each strength is a force divided by the mass of the body.
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the tissues' stiffness.
     """
@@ -125,7 +125,7 @@ class ContinuumMotion:
         return ((grown[0] - grown[1]) / (one - other)).real, ((one * grown[0] - other * grown[1]) / (one - other)).real
 
     def _pushed(self, rate: float) -> tuple[Exponents, Exponents, Exponents]:
-        """Response of each vibration mode to a force exp(-rate t): a sum of exponentials, sum_p factor_p exp(rate_p t).
+        """Response of each vibration mode to a force `exp(-rate t)`: `sum over p of factor_p exp(rate_p t)`.
 
         Returns factors of the displacement [s²], factors of the velocity [s], rates [1/s], (3, n_modes) each.
         """
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Jacobian of coordinates and velocities after dt [s], (2 n, 2 n + n_f), and decay of each force, (n_f,)."""
+        """Jacobian of the end coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,)."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -155,7 +155,7 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """Indices of the forces that decay slowly, and of those that decay quickly; first: index of the first force."""
+        """Indices of the slowly decaying and of the quickly decaying force states, which begin at the index `first`."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Change of coordinates and velocities per standard deviation of each model constant, (2 n, n_constants)."""
+        """Change of coordinates and velocities per standard deviation of each error of the constants, (2 n, any)."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))
@@ -192,7 +192,7 @@ class ContinuumMotion:
         return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
 
     def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities over dt [s] by constant accelerations, see `Motion.pushed`."""
         n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)
@@ -212,7 +212,7 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
 
 
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
-    """Nodes and weights of Gauss quadrature from 0 to dt [s], (k,). rate: fastest rate of the integrand [1/s]."""
+    """Times and weights (k,) of a Gauss quadrature from 0 to dt [s]. The integrand's fastest rate is `rate` [1/s]."""
     edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
     x, weights = np.polynomial.legendre.leggauss(NODES)
     half = 0.5 * np.diff(edges)[:, None]

@@ -1,4 +1,4 @@
-"""Protocol of a body's motion, which the process model of the tissue uses."""
+"""Protocol of the motion of a body. The process model of the tissue uses this protocol."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dynamics.elements import Span
 from estimators.arrays import Floats
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
-"""Sources of noise, in their order in `Transition`. Noise of the last two sources is independent between states."""
+"""Sources of noise, in their order in `Transition`. For the last two, the noise of different states is independent."""
 
 
 class Along(NamedTuple):
@@ -21,7 +21,8 @@ class Along(NamedTuple):
     motion: derivative of coordinates and velocities at the end with respect to the state at the start, (2 n, 2 n + n_f)
     fading: decay factor of each force, (n_f,)
     noises: noise covariance from each of the first four `SOURCES` at unit variance, (4, 2 n + n_f, 2 n + n_f)
-    by_constants: change of coordinates and velocities at the end per standard deviation of each constant, (2 n, any)
+    by_constants: change of the coordinates and velocities at the end per standard deviation of each independent error
+        of the model's constants, (2 n, n_constants)
     """
 
     mean: Floats
@@ -36,18 +37,6 @@ class Motion(Protocol):
 
     Attributes
     ----------
-    span : Span
-        Map from the n coordinates to the positions of the free nodes.
-    extent_m : float
-        Extent of the body [m].
-    raised : float
-        Factor on the strengths of the unknown forces. It depends on the body's stiffness [1].
-    driving : (n_f,) int
-        Index in `SOURCES` of the source that drives each force.
-    fading_s : (n_f,)
-        Correlation time of each force [s].
-    force_cov : (n_f, n_f)
-        Covariance of the forces when their sources have variance 1.
     is_linear : bool
         Whether the motion is linear, so that the linearisation in `along` is exact.
     """
@@ -56,7 +45,7 @@ class Motion(Protocol):
 
     @property
     def span(self) -> Span:
-        """Map from the coordinates to the positions of the free nodes."""
+        """Map from the n coordinates to the positions of the free nodes."""
 
     @property
     def extent_m(self) -> float:
@@ -85,4 +74,7 @@ class Motion(Protocol):
         """Linearised motion from a state (2 n + n_f,) over dt [s]."""
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities over dt [s] by constant accelerations, (2 n, k).
+
+        Each column of `accelerations` [m/s²], (n, k), gives one column of the result.
+        """

@@ -29,10 +29,10 @@ from estimators.core.disturbances import Disturbances
 from estimators.core.motion.model import SOURCES, Along
 
 LONGEST_S = 1.0 / 60.0
-"""Longest step [s]; numerical."""
+"""Longest integration step [s]; numerical."""
 
 STEP_TOLERANCE = 1e-4
-"""Largest error of a step, relative to the body's extent [1]; numerical."""
+"""Largest accepted error of an integration step, relative to the body's extent [1]; numerical."""
 
 FLAT = 1e-3
 """A body is flat if its smallest extent, relative to its largest, is below this number [1]; choice."""
@@ -41,16 +41,16 @@ RANK = 20
 """Largest number of basis functions of a slow force for each axis; numerical."""
 
 GROWING = (0.5, 5.0, 30.0)
-"""Rates s of forces exp(s t) [1/s]; numerical. The responses to these forces give the shapes of a reduced body."""
+"""Growth rates of exponential test forces [1/s]; numerical. A reduced body has the shapes that these forces cause."""
 
 LEFT_OUT = 2e-3
-"""Largest displacement by an omitted shape, relative to the body's extent [1]; numerical."""
+"""A shape is omitted if it contributes at most this displacement, relative to the body's extent [1]; numerical."""
 
 WEAK = 1e-2
 """Forces below this share of the largest force from the same source are omitted [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""A body is reduced if it has more nodes than LARGE and at most FEWER shapes per node [1]; choice."""
+"""Only a body with more than LARGE free nodes is reduced, to at most FEWER shapes per free node [1]; choice."""
 
 
 class NetworkMotion:
@@ -96,7 +96,7 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """Map from coordinates to node positions, with few coordinates for a large body; pushes: accelerations."""
+        """Map from coordinates to node positions. For a large body, few shapes span its responses to `pushes`."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:
@@ -115,7 +115,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Acceleration of each coordinate by each unit force, (n, n_f), and source of each force, (n_f,)."""
+        """Acceleration of each coordinate (row) by each unit force (column), (n, n_f); source of each force, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))
@@ -143,7 +143,7 @@ class NetworkMotion:
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 
     def moved_each(self, states: Floats, dt: float) -> Floats:
-        """Coordinates and velocities (k, 2 n) after dt [s], by explicit integration from k states (k, 2 n + any)."""
+        """Coordinates and velocities (k, 2 n) that explicit integration over dt [s] yields for k states."""
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
         mean = -np.expm1(-dt * rates) / (dt * rates)
@@ -151,7 +151,7 @@ class NetworkMotion:
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """Change of coordinates and velocities per standard deviation of each model constant, (2 n, n_constants)."""
+        """Change of coordinates and velocities per standard deviation of each error of the constants, (2 n, any)."""
         moving = len(start)
         if self._by_constants is None:
             return np.zeros((moving, 0))
@@ -159,12 +159,12 @@ class NetworkMotion:
         return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of n coordinates and velocities over dt [s], (2 n, k), by k constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities over dt [s] by constant accelerations, see `Motion.pushed`."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """Accelerations per standard deviation of each model constant [m/s²], (..., n, n_constants)."""
+        """Accelerations per standard deviation of each error of the constants [m/s²], (..., n, any)."""
         assert self._by_constants is not None  # else there are no constants
         assert self._uncertainty is not None
         V, masses = self.span.matrix, self.span.masses
@@ -174,7 +174,7 @@ class NetworkMotion:
 
 
 def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
-    """Change of coordinates and velocities over all steps, (2 n, k), by accelerations in each step [m/s²], (n, k)."""
+    """Change of coordinates and velocities over all steps, (2 n, k). Each step has its own accelerations, (n, k)."""
     n, k = accelerations[0].shape
     columns = np.zeros((2 * n, k))
     for move, own in zip(moves, accelerations, strict=True):
@@ -183,7 +183,7 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """Fewest columns M for which M M' nearly equals L L', where L (n, any) are the given columns."""
+    """Reduce the given columns L (n, any) to fewer columns M for which `M M'` nearly equals `L L'`."""
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)
     return columns if kept.sum() == columns.shape[1] else np.asarray(vectors[:, kept] * sizes[kept])

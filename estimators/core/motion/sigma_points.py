@@ -16,13 +16,13 @@ def by_sigma_points(
 ) -> Transition:
     """Replace the linearisation of the first m states by a regression over sigma points.
 
-    The sigma points are those of the unscented transform with kappa = 0: mean ± sqrt(m) times each column of the
-    covariance's root. The residual of the regression counts as noise. Source: [julier1997], [garciafernandez2017].
+    The sigma points are those of the unscented transform with kappa = 0: `mean ± sqrt(m) c` for each column c of the
+    covariance's Cholesky factor. Residuals become process noise. Source: [julier1997], [garciafernandez2017].
 
     Parameters
     ----------
     tangent : Transition
-        Linearisation by derivatives, which stays valid for the other states and for the noise.
+        Linearisation by derivatives. It remains in use for the other states and for the noise.
     mean, cov : (n,), (n, n)
         Moments of the previous state.
     m : int
