@@ -48,7 +48,7 @@ SURE_M = 1e-9
 
 
 SETTLED_S = 0.5
-"""Time after the first tracked frame before the breathing model uses estimates [s]; choice: early errors are large."""
+"""Initial time of tracking in which the breathing model ignores the estimates [s]; choice: early errors are large."""
 
 
 class BreathingPath:
@@ -66,7 +66,7 @@ class BreathingPath:
             self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
 
     def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
-        """Mix the filter's predicted path with the breathing model's; if no breathing is detected, return `path`."""
+        """Mixture of `path` and the path that the breathing model predicts; if no breathing is detected, `path`."""
         if self.model.breath() is None:
             return path
         breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
@@ -75,7 +75,7 @@ class BreathingPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Advised:
-    """Advice for a recording: the times of the frames with advice [s], and the advice at each of these times."""
+    """Advice for a recording; times_s: times of the frames with advice [s]; guidance: the advice for each of them."""
 
     recording: Recording
     plan: NeedlePlan
@@ -96,7 +96,7 @@ def advise(
     watch: Watcher | None = None,
     every_s: float = 0.0,
 ) -> Advised:
-    """Run the filter through all frames of a recording, and give advice on a needle at the plan's position.
+    """Run the filter through all frames of a recording, and give advice on the needle, which does not move.
 
     watch: called with the frame, its `Step` and the advice, for each frame with advice
     every_s: least interval between two pieces of advice [s]; if it is 0, every frame has advice
@@ -132,15 +132,16 @@ def advise(
 
 
 def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
-    """Predicted displacement of the target by the needle after the whole insertion [m], (dim,)."""
+    """Predicted displacement of the target by the needle at the end of the insertion [m], (dim,)."""
     return plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
 
 
 def observed_hits(done: Advised) -> Floats:
     """For each frame, the probability that a needle inserted as advised hits the true target, (n_frames,).
 
-    The tip and the target's displacement by the needle have random errors. The truth was recorded without a needle, so
-    the predicted displacement is added to the true position. If the truth at arrival is not known, the value is NaN.
+    The truth was recorded without a needle. Therefore the target's predicted displacement by the needle is added to
+    the true position. The probability includes random errors of this displacement and of the needle's tip. If the true
+    position at the time of arrival is not known, the probability is NaN.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -174,7 +175,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted and mean observed hit rates: over all frames with truth; and over the frames with truth and GO."""
+    """Mean predicted and observed hit probabilities over frames with truth; keys "go_...": frames with GO advice."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)

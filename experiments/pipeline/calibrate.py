@@ -33,7 +33,7 @@ from vision.cameras.board import larger_board
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """The board that the command's options describe; an InputError names the faulty option.
 
-    text: columns x rows, such as 9x6, of a chessboard's inner corners or of a ChArUco board's squares
+    text: columns x rows, such as 9x6; a chessboard's inner corners are counted, or a ChArUco board's squares
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -61,7 +61,7 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
 def views_of(
     board: Board, paths: Sequence[Path], name: str, advance: Callable[[float], None] = lambda share: None
 ) -> CameraViews:
-    """Views of the board in the pictures at these paths; SourceError for pictures that cannot be read."""
+    """Views of the board in pictures; name: the camera's name. Raises SourceError for pictures that cannot be read."""
     views: list[View] = []
     left_out: list[str] = []
     size = (0, 0)
@@ -140,9 +140,9 @@ def command(
 ) -> list[Calibration]:
     """Calibrate one camera from its pictures, or several cameras jointly. Raises errors for bad input.
 
-    For one camera it writes camera.toml, a plot and optional files. For several cameras it writes NAME.toml and plots.
-    vector: additional format of the plots, pdf or svg; picture: draws a calibration and returns the plot file's content
-    write: function that writes all files, given by path; folder: opens the output folder for several cameras
+    One camera: writes camera.toml, a plot and optional files. Several cameras: writes a .toml file and a plot of each.
+    vector: additional format of the plots, pdf or svg; picture: function that returns the content of a plot file
+    write: function that writes files, given as a map from path to content; folder: opens the folder of several cameras
     """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"

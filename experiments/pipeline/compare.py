@@ -43,9 +43,9 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Track a recording with these methods; if `methods` is None, with all methods.
+    """Track a recording with these methods, or with all methods if `methods` is None.
 
-    stage: returns, for the name of a stage, the function that reports its progress
+    stage: takes the name of a stage, and returns the function that reports the progress of this stage
     Raises InputError, SourceError, UnknownMethodError.
     """
     problem = tracking_problem(recording.scene, recording.fixes)
@@ -72,7 +72,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track, extended by another method's estimates and its computing time per frame [s]."""
+    """Add the estimates of another method, and its computing time per frame [s], to the steps of a track."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps

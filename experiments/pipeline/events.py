@@ -19,8 +19,8 @@ CONSTANTS = ("simulate", "identify")
 """Steps that give a scene the tissue's constants: those of the simulation, or those identified from a recording."""
 
 SAGS = 1e-3
-"""Distance of nodes at rest from their positions in scene.toml up to which there is no message, relative to the
-network's size [1]; choice."""
+"""If a node rests farther than this from its position in scene.toml, there is a message [1]; choice. The distance is
+relative to the size of the network."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -61,7 +61,7 @@ def rest_line(scene: Scene) -> str | None:
 
 
 def scene_line(scene: Scene) -> str:
-    """One line that describes a scene: network, marks, target, constants and noise levels, and the commands done."""
+    """One line on a scene: network, marks, target, constants, noise levels, and the commands applied so far."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
     solid = network.continuum
@@ -79,7 +79,10 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Messages on steps that a scene lacks for the command `before`, by step; also on a target with a measured mark."""
+    """Messages on steps that the command `before` requires and the scene lacks, by step.
+
+    There is also a message "hidden target" if the target has a measured mark.
+    """
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
@@ -99,7 +102,7 @@ def is_identified(scene: Scene) -> bool:
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """A message that the constants were not identified; None if they were identified or have a stated uncertainty."""
+    """A message if the constants were not identified and have no stated uncertainty; otherwise None."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.step in CONSTANTS for step in scene.steps)
@@ -108,7 +111,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """A message that the noise levels were not tuned to the tissue; None if they were tuned or are stated."""
+    """A message if the noise levels are the default or were tuned before `softaim identify`; otherwise None."""
     usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):

@@ -29,10 +29,11 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The scene and the frames of the source `spec`. If scene_path is None, the scene is that of the source, if any.
+    """The scene and the frames of the source `spec`.
 
+    scene_path: scene file; if it is None, the scene is that of the source, or None if the source has no scene
     live, fps: as in `vision.open_source`; fps also applies to the phantom
-    usual_fps: frame rate of picture folders without fps; phantom: process of the phantom, if already started
+    usual_fps: frame rate of a folder of pictures if `fps` is None; phantom: the phantom's process, if already started
     Raises InputError, also if the scene has no camera.
     """
     recording = _recording_in(spec, scene_path, fps)
@@ -62,7 +63,7 @@ def open_source(
 def open_live(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
 ) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
-    """The scene, as in `open_source`, and the newest frames of one source, or of several cameras in space."""
+    """Open the sources of a run: the scene, as in `open_source`, and the newest frames of one or several cameras."""
     named = by_camera(specs)
     if "" not in named:
         scene, cameras = open_each(specs, scene_path, live=True, fps=fps)
@@ -78,7 +79,7 @@ def open_live(
 def open_each(
     specs: Sequence[str], scene_path: Path | None, *, live: bool, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """The scene, as in `open_source`, and the frames of each camera by name; the name of a single source is ""."""
+    """The scene, as in `open_source`, and the frames of each camera, by name. A single camera has the name ""."""
     named = by_camera(specs)
     if "" in named:
         scene, frames = open_source(named[""], scene_path, live=live, fps=fps)
@@ -122,13 +123,13 @@ def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
 
 
 def without_fps(spec: str, fps: float | None, what: str) -> None:
-    """Raise InputError if a frame rate is stated for a source that has its own times."""
+    """Raise InputError if `fps` is stated for a source whose frames have their own times; what: kind of this source."""
     if fps is not None:
         raise InputError.at(spec, f"no fps beside {what}", f"{fps:g}")
 
 
 def filmed_scene(path: Path) -> Scene:
-    """The scene of a file; InputError if it has no camera."""
+    """Read the scene file at `path`; raises InputError if the scene has no camera."""
     scene = usable_scene(path, rests=False)
     if not scene.cameras:
         in_space = f"{len(scene.space_cameras)} in space: give NAME=SOURCE of each" if scene.space_cameras else "none"
@@ -137,7 +138,7 @@ def filmed_scene(path: Path) -> Scene:
 
 
 def check_size(frame: vision.Frame | vision.Exposure, scene: Scene, camera: str = "") -> None:
-    """Raise InputError if a picture's size differs from the size that its camera states; camera: its name in space."""
+    """Raise InputError if a picture does not have its camera's `size_px`; camera: name of the camera in the scene."""
     images = {camera: frame.image} if isinstance(frame, vision.Frame) else frame.images
     names = [one.name for one in scene.space_cameras] or [camera]
     for name, image in images.items():

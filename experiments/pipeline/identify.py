@@ -34,14 +34,14 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Largest permitted ratio of the target's error with the identified constants to its error with the scene's constants
-[1]; choice: a recording of a minute determines the ratio to a tenth. The filter does not use the target's mark here."""
+"""If identified constants increase the target's error by more than this factor, they are rejected [1]; choice: a
+recording of a minute determines the factor to a tenth. The error is that of a filter without the target's mark."""
 
 MOST_SHARED = 0.5
 """Squared correlation above which two constants are reported as confounded [1]; choice."""
 
 NAMED = 4
-"""Largest number of constants that are named for a combination, and of pairs that are named in a line."""
+"""Largest number of constants named for one combination; also the largest number of pairs named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if a node's mark is inside the body, so that the recording's films in space cannot show it."""
+    """Raise InputError if the mark of one of `nodes` is inside the body, where films of cameras do not show it."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -140,9 +140,9 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """Tune the discrepancy level, which is the size of the displacements that the model leaves out.
+    """Tune the discrepancy level: the size of the displacements that the model does not describe.
 
-    Returns the scene with this level, and the full result. Raises InputError if `minutes` is too short for any result.
+    Returns the scene with this level, and the full tuning result. Raises InputError if `minutes` is too short.
     workers: map function, which may distribute the filter's passes over processes.
     """
     scene = recording.scene
@@ -165,8 +165,8 @@ def tuned_scene(
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
     """Name, value [SI], relative standard error and change of each identified constant.
 
-    If the recording does not determine a constant, its value did not change, and the entry `kept` is true.
-    mesh: the mesh whose tissues have the constants; None for springs
+    If the recording does not determine a constant, the constant keeps its value, and its entry `kept` is true.
+    mesh: the scene's mesh; None for a network of springs
     """
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
@@ -182,9 +182,9 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 
 
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
-    """Combinations of constants that the recording determines less than the prior does.
+    """Combinations of constants on which the recording contains less information than the prior.
 
-    Each entry has the ratio of the combination's variance to its prior variance, and its most important constants.
+    Each entry has the ratio of the combination's posterior to its prior variance, and its most important constants.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []

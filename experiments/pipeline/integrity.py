@@ -27,7 +27,7 @@ from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
-"""Share of the target's variance that the sources named in a message explain together [1]."""
+"""A message names the largest sources of the target's variance until they explain this share of the variance [1]."""
 
 SEEN = "marks and disturbances"
 """Name of the part of the target's variance due to noise of the marks and to disturbances (unknown forces)."""
@@ -35,12 +35,12 @@ SEEN = "marks and disturbances"
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
-    """Default standard deviations for a scene that states none.
+    """Default standard deviations of errors whose size the scene does not state.
 
     stiffness, mass: relative errors of each spring's stiffness and of each node's mass, all independent [1]; choice
     scale: relative error of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
-    position_m: error of the target's position in the tissue on each axis [m]; choice: the error of a registration from
-    another picture
+    position_m: error of the target's position in the tissue on each axis [m]; choice: the error if the target was
+    located in another image, which was then registered
     drift_m: drift of a camera or tracker without reference marks, on each axis [m]; choice
     """
 
@@ -55,9 +55,9 @@ USUAL = UsualUncertainty()
 
 
 def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
-    """Static balance of the forces on the body; uncertainties that the scene does not state have default values.
+    """Static balance of the forces on the body; errors whose size the scene does not state have default sizes.
 
-    By default all springs share one stiffness error, because independent errors would hide a cut spring.
+    By default all springs share one stiffness error. With independent errors, a cut spring could not be detected.
     """
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), USUAL.stiffness))
@@ -66,7 +66,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Function from marks' positions to their shifts by one sd of each calibration error; None if no camera exists."""
+    """Function from marks' positions to their shifts by each calibration error of one sd; None without cameras."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -79,10 +79,10 @@ def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
 
 
 def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
-    """Sources of the target's error that marks cannot reveal.
+    """Sources of the target's error that cannot be detected from the marks.
 
-    If the scene states the size of an error, the filter's covariance includes it. The scene's keys are `[uncertainty]`
-    for constants, `scale_sd` or `uncertainty` for a camera, and `position_sd_mm` for the target's position.
+    The filter's covariance includes the errors whose size the scene states with these keys: `[uncertainty]` for
+    constants, `scale_sd` or `uncertainty` for a camera, and `position_sd_mm` for the target's position.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -129,9 +129,9 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Contribution of each source to the target's variance [m²], summed over all axes; empty if there is no covariance.
+    """Contribution of each source to the target's variance, summed over all axes [m²]; empty if there is no covariance.
 
-    The variance includes errors that the scene does not state. The covariance of `estimate` does not include them.
+    The sources include errors that the covariance of `estimate` leaves out.
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -169,7 +169,7 @@ def _is_unscaled(scene: Scene) -> bool:
 
 
 MEANS = 2.0
-"""Number of averaging times of the force balance that pass before guidance starts [1]."""
+"""Guidance starts this number of averaging times of the force balance after the first marks [1]."""
 
 UNTESTED = "the forces on the marks have not been observed long enough to test them"
 
@@ -180,8 +180,8 @@ UNEVEN = "pictures come too unevenly to determine exposure times"
 class IntegrityMonitor:
     """Checks in each frame whether the filter's estimate may be used for guidance.
 
-    budget: sources of the target's error; unstated: covariance of errors that the filter ignores [m²], (dim, dim)
-    tested_s: time from which guidance is possible [s], None before the first marks
+    budget: sources of the target's error; tested_s: earliest time of guidance [s], None before the first marks
+    unstated: covariance of the target's errors that the filter's covariance leaves out [m²], (dim, dim)
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
@@ -197,8 +197,8 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns the reason to withhold guidance, or None.
 
-        After the first marks, guidance is withheld for `MEANS` averaging times of the force balance. Only the force
-        balance reveals a cut spring, and it needs this time.
+        After the first marks, guidance is withheld for `MEANS` averaging times of the force balance, because only this
+        balance reveals a cut spring.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -207,7 +207,7 @@ class IntegrityMonitor:
         return self.contradiction.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate; its covariance also includes the errors that the scene does not state."""
+        """The estimate with a larger covariance, which includes the errors that the filter's covariance leaves out."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
 
     def restart(self) -> None:
@@ -216,12 +216,12 @@ class IntegrityMonitor:
         self.tested_s = None
 
     def looked(self) -> None:
-        """Clear the contradiction and accept the present delay of pictures, because a person has checked them."""
+        """Clear the contradiction, and tolerate the present delay of pictures: a person has checked both."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """Set the largest delay of a picture [s], and whether pictures come unevenly. Returns True if they changed."""
+        """Set the largest delay of pictures [s], and whether pictures come unevenly; returns whether either changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven

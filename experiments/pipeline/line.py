@@ -37,20 +37,20 @@ from vision import PlaneCamera
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
-"""Largest number of coordinates and velocities of free nodes that commands accept; choice: 100 nodes in space.
-For more nodes preparation takes minutes, but the filter itself has no limit."""
+"""Largest size of the filter's state that commands accept; choice: positions and velocities of 100 free nodes in space.
+With a larger state the filter's preparation takes minutes; the filter itself has no limit."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Default error common to all direct measurements of the target (fixes): that of an ultrasound probe's calibration."""
+"""Default error that all direct measurements of the target (fixes) share: calibration error of an ultrasound probe."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """The marks that were searched in a frame, and the reasons why some were not found.
+    """Record of the search for marks in a frame.
 
-    expected: by node, predicted position of its mark [m], (dim,), and covariance [m²], (dim, dim)
-    lost: by node, why its mark was not found; None for another tracker's marks
-    came: new distractors, objects with the colour of a mark
+    expected: predicted position of each node's mark [m], (dim,), and its covariance [m²], (dim, dim)
+    lost: for each mark that was not found, by node, the reason; the reason is None for another tracker's marks
+    came: new distractors, which are objects with the colour of a mark
     """
 
     expected: Mapping[str, tuple[Floats, Floats]]
@@ -66,9 +66,9 @@ class Step:
     marks: all identified marks, also those that the filter does not use; corrected if the scene has reference marks
     swap: a detected exchange of two marks' names; None in almost all frames
     refused: nodes whose marks the gate rejected
-    sight: the marks that were searched; None if `Line` has explain=False
+    sight: record of the search for marks; None if `Line` has explain=False
     reference: result for the reference marks; None if the scene has none
-    detect_s: computing time to find the marks [s]; method_s: computing time of each method [s]
+    detect_s: computing time to find the marks [s]; method_s: computing time of each method, predictions included [s]
     predict_s: computing time of the filter's prediction [s]
     """
 
@@ -84,7 +84,7 @@ class Step:
 
     @property
     def stages_s(self) -> dict[str, float]:
-        """Time of each stage of the filter [s], in order."""
+        """Computing time of each stage of a frame [s]: predict, detect, update."""
         return {
             "predict": self.predict_s,
             "detect": self.detect_s,
@@ -93,7 +93,7 @@ class Step:
 
 
 Found = tuple[Sequence[MarkMeasurement], ReferenceSeen | None, Sight | None]
-"""Marks of a frame by their nodes, the result for the reference marks, and the record of the search."""
+"""The identified marks of a frame, the result for the reference marks, and the record of the search for marks."""
 
 AnyFrame = vision.Frame | vision.Exposure | None
 """A frame of one camera, pictures of several cameras in space, or None for another tracker's marks."""
@@ -103,7 +103,7 @@ class Watcher(Protocol):
     """Protocol of an observer of each frame and its step."""
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Called after each step with the frame, the step, the line, and the advice if there is any."""
+        """Called after each step; line: the pipeline after the step; guidance: the advice, or None if there is none."""
 
 
 class Film(Watcher, Protocol):
@@ -116,10 +116,10 @@ class Film(Watcher, Protocol):
 class Line:
     """Processes the frames of one scene in order of exposure.
 
-    baseline: whether to run also the paper's open loop, in which marks drive the model without a filter
+    baseline: whether the paper's open loop also runs, in which marks drive the model without a filter
     fixes: direct measurements of the target; the filter uses each at its time, and also estimates their common error
-    check: also predict each mark without using it; if these predictions reveal a wrong model, inflate the covariance
-    explain: record in each step which marks were searched and why some were not found
+    check: whether each mark is also predicted without its use; wrong predictions inflate the covariance
+    explain: whether each step records the search for marks, with the reasons why some were not found
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class Line:
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
-        """Search for marks in these colours from now on; the appearance learnt so far is discarded."""
+        """Search for marks in the colours that `marks` state; the appearance learnt so far is discarded."""
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
@@ -216,7 +216,7 @@ class Line:
         return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
-        """Predict the filter to this time [s]; on the way, use direct measurements of the target (fixes)."""
+        """Predict the filter to this exposure time [s], and use all earlier direct measurements of the target."""
         if self.checks is not None:
             for other in self.checks.without.values():
                 other.predict(exposure_s)
@@ -286,5 +286,5 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """If there are fixes and the settings state no error common to all fixes, set this error to `USUAL_BIAS`."""
+    """If there are fixes and `settings.fix_bias` is None, the settings with `USUAL_BIAS`; otherwise `settings`."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

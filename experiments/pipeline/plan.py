@@ -28,15 +28,15 @@ from experiments.pipeline.track import each_frame
 Advance = Callable[[float], None]
 
 SHOWN = 4
-"""Number of paths in the list besides the best."""
+"""Largest number of paths that are listed after the best path."""
 
 APART = 10e-3
-"""Least distance between entries of different paths in the list [m]; choice."""
+"""Least distance between the entry points of listed paths [m]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan and its input; also the status of the target's estimate, or `at rest`, and the estimate's time [s]."""
+    """A plan of paths; estimate: status of the target's estimate, or "at rest"; time_s: time of this estimate [s]."""
 
     scene: Scene
     task: Task
@@ -104,7 +104,7 @@ def table(done: Planned) -> pd.DataFrame:
 
 
 def next_best(found: Plan) -> list[int]:
-    """Rows of the best path and of up to `SHOWN` others; their entries are at least `APART` from each other."""
+    """Rows of the best path and of up to `SHOWN` more; the entry points of these paths are at least `APART` apart."""
     chosen: list[int] = []
     for k in found.order[: int(found.allowed.sum())]:
         if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):

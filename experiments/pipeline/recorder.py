@@ -1,7 +1,7 @@
 """Recording of frames as they arrive: what `softaim record` does.
 
-The film is written in pieces of a second, so that a recording remains if the program is killed. A complete piece gets
-its final file name; then its rows are added to frames.csv. At the end the pieces are joined into one film.
+The film is written in pieces that last a second, so that a recording remains if the program is killed. A complete piece
+gets its final file name; then its rows are added to frames.csv. At the end the pieces are joined into one film.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from experiments.pipeline.frame_sources import by_camera, check_size, open_each
 from experiments.plain import counted
 
 PIECE_S = 1.0
-"""Length of a piece [s], the most that a kill may lose; the README promises that only the last second is lost."""
+"""Duration of a piece [s]. If the program is killed, only the present piece is lost; the README promises one second."""
 
 TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
 """Files that are removed with the pictures when a recording is replaced."""
@@ -55,7 +55,7 @@ class _Piece:
 class Recorder:
     """Writer of a recording that grows in pieces. Disk errors raise InputError.
 
-    If Ctrl-C interrupts a call at any moment, a piece can still be finished without duplicate frames.
+    If Ctrl-C has interrupted a call, `finish_piece` can still complete the present piece, without duplicate frames.
     """
 
     def __init__(
@@ -150,9 +150,9 @@ def record(
     """Record frames to a new folder until the source ends, `seconds` are over or Ctrl-C; returns the number of frames.
 
     sources: the source of one camera, or the sources of several cameras by name
-    scene: its cameras must have the frames' size; scene_path: the scene file, which is copied to the folder
-    force: whether an older recording in the folder is removed when the first frame comes
-    Nothing is written before the first frame. Raises InputError, SourceError; frames recorded before an error stay.
+    scene: its cameras must state the size of the frames; scene_path: the scene's file, which is copied to the folder
+    force: whether the first frame removes an older recording in the folder
+    Nothing is written before the first frame. Raises InputError, SourceError; the frames recorded so far are kept.
     """
     named = dict(sources) if isinstance(sources, Mapping) else {"": sources}
     recorders: dict[str, Recorder] = {}
@@ -231,7 +231,7 @@ def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> Non
 
 
 def rate_of(exposures_s: Floats) -> float:
-    """Mean frame rate [frames/s] of a film; exposures_s: exposure times of one or more frames [s], (n_frames,)."""
+    """Mean frame rate of a film [frames/s], from exposure times [s], (n_frames,); `NOMINAL_FPS` for a single frame."""
     span_s = float(exposures_s[-1] - exposures_s[0])
     return float(np.clip((len(exposures_s) - 1) / span_s, 1.0, 1000.0)) if span_s > 0.0 else vision.NOMINAL_FPS
 
@@ -239,7 +239,7 @@ def rate_of(exposures_s: Floats) -> float:
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
     """Join a recording's pieces into a film of each camera; returns the number of frames.
 
-    If the program is killed, the call can be repeated. Raises InputError if there are no pieces.
+    If the program is killed during a call, the call can be repeated. Raises InputError if there are no pieces.
     """
     cameras = _growing(folder)
     if not cameras:
@@ -264,7 +264,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """The folder of each camera's pieces if a recording of several cameras has not been joined; otherwise none."""
+    """Folders with the pieces of each camera; empty if the pieces were joined, or for a single camera."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 
@@ -299,9 +299,9 @@ def record_source(
     """Record to the folder `out`, and join the pieces.
 
     sources: one source, or NAME=SOURCE for each of several cameras
-    force: whether `out` may contain files; when the first frame comes, an older recording in it is removed
+    force: whether `out` may contain files; the first frame then removes an older recording in `out`
     Returns the number of recorded frames, the number of dropped frames, and whether there is a scene.
-    Raises InputError; if the source fails, the frames recorded before are joined first.
+    If the source fails, the pieces recorded so far are joined, and InputError is raised.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)

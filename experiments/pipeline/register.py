@@ -23,14 +23,14 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""The p-value of the residuals below which they contradict the stated errors of the points [1]; choice."""
+"""Least p-value of residuals that agree with the stated errors of the points [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
     """Points on a body, measured in a tracker's coordinates.
 
-    names: (k,); drawn, measured: positions in the scene and in the tracker's coordinates [m], (k, dim) each
+    drawn: positions in the scene [m], (k, dim); measured: positions in the tracker's coordinates [m], (k, dim)
     covs: covariances of the measured positions [m²], (k, dim, dim)
     """
 
@@ -44,10 +44,10 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: distance of each point from the position that the other points predict, and the expected distance [m]
-    suspect: the point without which the fit is best; None if no point can be omitted
+    left_out: distance of each point from its prediction by the other points, and the expected distance [m]
+    suspect: the point whose omission gives the best fit; None if no point can be omitted
     target_sd_m: standard deviation of the registration at the target on each axis [m]
-    stated: whether the scene stated an error of the target's position before the registration
+    stated: whether the scene stated `position_sd_mm`, the error of the target's position, before the registration
     """
 
     scene: Scene
@@ -60,14 +60,15 @@ class Registered:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the residuals contradict the stated errors."""
+        """Whether the residuals are larger than the stated errors of the points allow."""
         return self.found.p_value < CONTRADICTED
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """Move a scene to fit the points that a table has in its first `seconds`. Raises InputError.
+    """Move a scene so that it fits points that a tracker measured on the body. Raises InputError.
 
-    table: a file of points, or a folder with marks.csv; mesh_file: file for the moved mesh
+    table: a file of points, or a folder with marks.csv, of which only the first `seconds` [s] are used
+    mesh_file: file for the moved mesh
     """
     path = table / MARKS if table.is_dir() else table
     points = _points(scene, path, seconds)

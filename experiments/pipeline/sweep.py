@@ -42,7 +42,7 @@ SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
-"""Duration of the forces with which a scenario is checked before all runs [s]."""
+"""To find faulty settings before all runs, the forces of each scenario are computed for at most this duration [s]."""
 
 
 def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
@@ -77,7 +77,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, true: Scene, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """The part of a scenario that determines the motion; the path of its scene is replaced by a constant name."""
+    """The part of a scenario that determines the motion, without the path of the scene."""
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
     with placed(sweep.path, InputError):
@@ -93,7 +93,7 @@ def _column(value: Any) -> str | int | float:
 
 
 def _check_forces(true: Scene, scenario: Scenario, sweep: Sweep) -> None:
-    """Before all runs, raise InputError for forces that do not fit the tissue."""
+    """Raise InputError if the scenario's forces do not fit the tissue; called before all runs."""
     with placed(sweep.path, InputError):
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
         start_and_forces(true.network, brief, np.random.default_rng(0))
@@ -105,21 +105,21 @@ def _tables(text: str, name: str) -> SceneFile:
 
 
 def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
-    """The scene of a scene file's text or, if the text is None, of the scenario's phantom; cameras are omitted."""
+    """The scene in a scene file's `text`, or the scene of the scenario's phantom if `text` is None; without cameras."""
     if text is None:
         return replace(scene_of(scenario), cameras=())
     return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene that methods use: constants times their kind's factor, and `[filter]` with the values in `changed`."""
+    """The scene that methods use; factors: factor on each kind of constant; changed: changed values of `[filter]`."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
 
 
 def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) -> MassSpringNetwork:
-    """The network; each constant is multiplied by the factor of its kind."""
+    """A copy of the network in which each constant is multiplied by the factor of its kind."""
     which = parameters(network, tuple(kind for kind in KINDS if kind in factors))
     return scale_parameters(network, which, [np.log(factors[one.kind]) for one in which])
 
@@ -136,7 +136,7 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
-    """A row for each method in one run: the figures of `softaim compare`, and error relative to that of the open loop.
+    """A row for each method in one run: the figures of `softaim compare`, and the error divided by the open loop's.
 
     truths: folder in which runs on this machine cache and share simulated motions
     """
@@ -163,10 +163,10 @@ def run_sweep(
     *,
     force: bool = False,
 ) -> tuple[Study, pd.DataFrame]:
-    """Do the runs that the folder does not yet have; write runs.parquet, runs.csv, summary.csv and summary.md into it.
+    """Do the runs that the folder lacks; write runs.parquet, runs.csv, summary.csv and summary.md to the folder.
 
-    Returns the runs, and a row for each combination and method, see `summarised`.
-    force: whether the folder may have other files. Raises InputError before any run for invalid input.
+    Returns the runs, and the table of `summarised`.
+    force: whether the folder may have other files. If the input is invalid, InputError is raised before the first run.
     """
     cases = cases_of(sweep)
     _check_folder(folder, force)
@@ -228,11 +228,11 @@ FORMS = {
     "frames_lost": ("frames lost", ".1f"),
     "ms_per_frame": ("ms/frame", ".2f"),
 }
-"""Figures of a summary, and their formats."""
+"""Heading and number format of each figure in a summary."""
 
 
 def cells(table: pd.DataFrame) -> list[list[str]]:
-    """The summary as text, headings first; keys of the grid with a single value are omitted."""
+    """The cells of a summary as text, headings first. A key of the grid that has only one value is omitted."""
     names = [str(name) for name in table.columns if "." not in name or len(set(table[name])) > 1]
     forms = [FORMS.get(name, (name, None)) for name in names]
     rows = [

@@ -50,9 +50,9 @@ class Track:
 
     steps: a step for each frame
     truth: true position of the target [m], (n_frames, dim), NaN where unknown
-    truth_cov: covariance of the truth's error [m²], (n_frames, dim, dim), zero unless a mark measures the truth
+    truth_cov: covariance of the error of `truth` [m²], (n_frames, dim, dim); zero if `truth` is not from a mark
     counts: further figures for summary.json, such as the numbers of rejected marks and repaired covariances
-    withheld: by node, errors of its mark as predicted by a filter that does not use this mark; empty without `check`
+    withheld: by node, how well a filter without the node's mark predicts this mark; empty without `check`
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of the target's variance is the constant error of its position in the tissue
     marks: by node, shares of frames in which its mark was found, rejected or not found, and why
@@ -92,7 +92,7 @@ def track(
 ) -> Track:
     """Run the filter and the open loop through every frame; advance: called with the completed share.
 
-    check: also predict each mark by a filter that does not use it; watch: called with each frame and its step
+    check: whether each mark is also predicted without its use; watch: called with each frame and its `Step`
     Raises InputError, SourceError.
     """
     if check and len(recording.scene.measured_nodes) < 2:
@@ -156,7 +156,7 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Ste
 
 
 def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
-    """Time [s] and marks of each frame in marks.csv; if a frame repeats earlier values, its marks are omitted."""
+    """Time [s] and marks of each frame in marks.csv; a frame that repeats earlier values has no marks."""
     used, _ = without_repeats(recording.exposures_s, recording.marks or ())
     for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
         yield exposure_s, tuple(measurement(mark) for mark in marks)
@@ -176,10 +176,10 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 
 
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
-    """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
+    """True position of the target in each frame [m], (n_frames, dim), and the covariance of the error of this position.
 
-    The position of the target's node comes from truth.csv or from a mark on this node. The scene's offset from the node
-    to the target is added.
+    The position of the target's node comes from truth.csv or from a mark on this node; it is NaN if unknown. The
+    scene's offset from the node to the target is added.
     """
     scene = recording.scene
     node = scene.target.node

@@ -20,7 +20,7 @@ LATEST_S = 2**31
 class Exported:
     """Content of an export.
 
-    estimates, advice: results for the recording, if given; start_ns: time 0 of the recording since 1970 UTC [ns]
+    estimates, advice: results, if given; start_ns: time from the start of 1970 (UTC) to the recording's time 0 [ns]
     """
 
     recording: Recording

@@ -23,7 +23,7 @@ from vision import PlaneCamera, fronto_parallel_camera
 class ImportSettings:
     """Settings of an import: which positions of a table are used, and their accuracy.
 
-    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut
+    least: positions with a lower likelihood are omitted [1]; source: `pcutoff` of DeepLabCut
     sd_px: standard deviation of a position on each axis [px]; choice: state the tracker's own error if it is known
     """
 
@@ -35,7 +35,7 @@ DEFAULTS = ImportSettings()
 
 
 def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera:
-    """A camera perpendicular to the plane, used only to convert pixels; origin_px: pixel of the plane's origin."""
+    """A camera perpendicular to the plane, which only converts pixels to positions; origin_px: pixel of the origin."""
     first_m = (-1e-3 * mm_per_px * origin_px[0], 1e-3 * mm_per_px * origin_px[1])
     return fronto_parallel_camera("scale", (1, 1), (mm_per_px, mm_per_px), first_m)
 
@@ -74,8 +74,9 @@ def import_table(
 ) -> Imported:
     """Read the marks of a table; raises InputError.
 
-    times: frame rate [frames/s], or a frames.csv; renamed: `PART=NODE` if names differ, `PART=` to omit a part
-    scale: a camera perpendicular to the plane, used instead of the scene's; individual: name of one of several animals
+    times: frame rate [frames/s], or path of a frames.csv; individual: name of one of several animals
+    renamed: `PART=NODE` for a part whose node has another name, `PART=` to omit a part
+    scale: a camera perpendicular to the plane, used instead of the scene's camera
     """
     scene = read_scene(scene_path)
     if scene.network.dim != 2:
@@ -104,7 +105,7 @@ def import_table(
 
 
 def write_imported(done: Imported, folder: Path) -> None:
-    """Write a recording to an existing folder."""
+    """Write the imported marks as a recording to an existing folder."""
     write_scene(done.scene, folder / "scene.toml")
     write_frames_csv(folder / "frames.csv", done.exposures_s)
     write_marks_csv(folder / "marks.csv", done.exposures_s, done.marks, dim=2)
@@ -142,9 +143,9 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
-    """Positions on the plane [m], (n, 2), of the parts in `seen`, and their standard deviations on each axis [m], (n,).
+    """Positions on the plane of the parts in `seen` [m], (n, 2), and their standard deviations on each axis [m], (n,).
 
-    Each error ellipse is replaced by a circle of equal area. sd_px: sd of a position in the picture on each axis [px]
+    sd_px: standard deviation on each axis in the picture [px]. Error ellipses are replaced by circles of equal area.
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2

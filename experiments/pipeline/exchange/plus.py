@@ -22,7 +22,7 @@ Advance = Callable[[float], None]
 
 
 def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> int:
-    """Write a sequence; returns the number of frames with a target estimate. Raises InputError, SourceError."""
+    """Write a PLUS sequence file; returns the number of usable target estimates. Raises InputError, SourceError."""
     recording, estimates = of.recording, of.estimates
     n_frames = len(recording.exposures_s)
     if recording.source is None:
@@ -78,14 +78,14 @@ def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -
 
 
 def translation_mm(place_m: Floats) -> Floats:
-    """Homogeneous matrix, (4, 4), that translates the origin to a position [m], (dim,); its lengths are in mm."""
+    """Homogeneous matrix of the translation from the origin to a position [m], (dim,); the matrix, (4, 4), is in mm."""
     shift = np.eye(4)
     shift[: len(place_m), 3] = 1e3 * place_m
     return shift
 
 
 def picture_to_plane(scene: Scene) -> Floats:
-    """Affine map from pixels to the plane [mm], (4, 4): the camera's map, linearised near the centre of the marks."""
+    """Affine map from pixels to the plane [mm], (4, 4): the camera's own map, linearised at the centre of the marks."""
     camera, network = scene.cameras[0], scene.network
     middle_m = np.mean([network.positions[network.index(mark.node)] for mark in scene.marks], axis=0)
     u, v = camera.project(middle_m[None])[0]

@@ -63,7 +63,7 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
 
 
 def node_topics(nodes: Iterable[str]) -> dict[str, str]:
-    """The topic of each node: its name with only the characters that ROS 2 allows; topics are unique."""
+    """The topic of each node: its name, with "_" for characters that ROS 2 forbids; a number makes it unique."""
     found: dict[str, str] = {}
     for node in nodes:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", node).strip("_")

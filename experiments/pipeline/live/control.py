@@ -20,7 +20,7 @@ class Control:
     """Handles requests of viewers to a live run.
 
     A request that fails raises ValueError or InputError with a message of one line.
-    out: the run's folder, in which recordings get folders; needle: content of the needle's file
+    out: the run's folder, in which each recording gets a folder; needle: content of the needle's file
     """
 
     def __init__(self, session: Session, out: Path, *, source: str, needle: bytes | None = None) -> None:
@@ -57,7 +57,7 @@ class Control:
             self.recordings[-1].finish()
 
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
-        """Use a measurement of the target with this position in the picture [px], (2,), and standard deviation [m]."""
+        """Use a measured position of the target in the picture [px], (2,), whose standard deviation is sd_m [m]."""
         line = self.session.line
         if not line.scene.cameras:
             raise ValueError("fix: expected a camera, found none")

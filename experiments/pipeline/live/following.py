@@ -46,7 +46,7 @@ class Attendant(Publisher, Protocol):
         """
 
     def attend(self, control: Control) -> None:
-        """Handle the requests since the last cycle of the loop, between two frames."""
+        """Handle the requests that viewers have made since the last call; called between two frames."""
 
 
 def live(
@@ -63,13 +63,13 @@ def live(
     record: bool = False,
     phantom: PhantomProcess | None = None,
 ) -> dict[str, Any]:
-    """Track the target live until the source ends, `duration_s` is over or Ctrl-C; write scene.toml, estimates.csv.
+    """Track the target live; write scene.toml, estimates.csv and, with a needle file, advice.csv. Raises InputError.
 
-    If no frame comes, the target is predicted. If there is a needle file, advice.csv is written.
+    The run ends with the source, after duration_s [s] or at Ctrl-C. While no frame comes, the target is predicted.
     sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder
-    begun: called after the first frame was used, possibly repeatedly; film: creates the film of the run
+    begun: called after the first used frame, and again later; film: creates the film of the run
     attendant: creates the object that shows the run to viewers; record: whether to record from the first frame on
-    phantom: process of the simulated phantom, if already started. Raises InputError.
+    phantom: process of the simulated phantom, if already started
     """
     shown_source = ", ".join(map(vision.shown_source, sources))
     name = f"--source {shown_source}"
@@ -219,9 +219,9 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they arrive, and predict while none arrives.
+    """Process frames as they arrive, and predict while none arrives. End with the source or after duration_s [s].
 
-    The loop ends when the source ends or duration_s [s] passed. attend: called in each cycle, between two frames
+    attend: called in each cycle of the loop, between two frames
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:

@@ -51,7 +51,7 @@ class Act(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One action of the loop: its kind, the time to which it refers [s], the clock time when it was done [s], data."""
+    """An action of the loop; time_s: time to which it refers [s]; now_s: clock time when it was done [s]."""
 
     act: Act
     time_s: float
@@ -60,12 +60,12 @@ class Done:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """A row of the journal: numbers are exact, values are JSON."""
+        """The action as a row of the journal: numbers in full precision, `values` as JSON."""
         return str(self.act), repr(self.time_s), repr(self.now_s), json.dumps(self.values, allow_nan=False)
 
 
 def mark_values(marks: Sequence[MarkMeasurement]) -> tuple[Any, ...]:
-    """Values of a frame's marks for the journal: node, position [m], covariance [m²] and shared errors [m] of each."""
+    """The marks of a frame for the journal: each mark's node, position [m], covariance [m²] and shared errors [m]."""
     return tuple(
         [m.node, m.position.tolist(), m.cov.tolist(), None if m.shared is None else m.shared.tolist()] for m in marks
     )

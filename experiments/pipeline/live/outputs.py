@@ -25,9 +25,9 @@ LAST_S = 0.5
 
 
 class LiveTable:
-    """A CSV table that grows row by row; each row is written at once.
+    """A CSV table that grows row by row; each row is immediately written to the file.
 
-    fault: the reason why the table can no longer be written; also: other tables that get the same rows
+    also: other tables that get the same rows; fault: the reason why the table can no longer be written, or None
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
@@ -37,7 +37,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file at the first call; until then an older file of this name stays."""
+        """Create the file at the first call; before this call, an older file of the same name is kept."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -80,7 +80,7 @@ class LiveTable:
 
 
 class StatusLine:
-    """Status line on standard output. A terminal shows it in place; other output gets a line about once a second.
+    """Status line on standard output. A terminal updates the line; other output gets a new line about once a second.
 
     A thread writes the newest text, so that the loop never waits for a blocked or closed reader.
     """
@@ -105,7 +105,7 @@ class StatusLine:
         self._thread.join(LAST_S)
 
     def show(self, text: str) -> None:
-        """Show this text next."""
+        """Show this text as soon as possible, in place of any text that still waits."""
         with self._changed:
             self._text = text
             self._changed.notify()
@@ -135,7 +135,7 @@ class StatusLine:
 
 
 FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
-"""Range of the histogram of latencies [ms], and number of bins per factor of ten: a bin is 1.2 % wide; numerical."""
+"""Least and largest latency in the histogram [ms], and number of bins per factor of ten (1.2 % per bin); numerical."""
 
 
 class Latencies:

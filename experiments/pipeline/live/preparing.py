@@ -25,10 +25,10 @@ from experiments.threads import begin_helper
 PREPARING = "preparing: frames are shown but not used yet"
 
 LOOK_S = 0.05
-"""Interval between checks whether preparation has ended, and between states shown meanwhile [s]; choice."""
+"""Interval at which a state is shown and the end of the preparation is checked [s]; choice."""
 
 NICENESS = 10
-"""Nice value of the compiling process: lower priority than camera and page; choice."""
+"""Nice value of the compiling process, whose priority is thus below that of the camera and the page; choice."""
 
 Made = TypeVar("Made")
 Cameras = vision.LiveFrames | vision.SeveralFrames
@@ -38,7 +38,7 @@ Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 
 class NotCompiledError(Exception):
-    """Error for a kernel that is compiled neither in this process nor in the disk cache for its types of arguments."""
+    """Error for a kernel that has no compiled code for its types of arguments, in this process or in the disk cache."""
 
 
 class _Refusal(Listener):
@@ -53,18 +53,18 @@ class _Refusal(Listener):
             raise NotCompiledError(str(event))
 
     def on_end(self, event: object) -> None:
-        """Do nothing: other threads may compile."""
+        """Do nothing when a compilation ends."""
 
 
 def prepared(
     make: Callable[[], Made], rehearse: Callable[[], object], frames: Cameras | None, show: Show
 ) -> tuple[Made, int]:
-    """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
+    """Run `make` in a thread, and show frames until it ends; returns its result and the number of frames shown.
 
     make: function that may be interrupted and called again
     rehearse: picklable function that calls the same kernels as `make`; another process runs it to compile them
     frames: frames of a camera; None if no frame may be read yet, for example because reading would start a film
-    show: called with each frame and the number of frames so far; called with None if no frame came for LOOK_S
+    show: called with a frame, or None if no frame came for LOOK_S, and with the number of frames shown so far
     Raises exceptions of make, show or the source.
     """
     made = _in_thread(partial(_from_cache, make))
@@ -96,7 +96,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
 
 
 def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Show frames until `over` is true; returns the number of frames shown, including n_shown earlier ones."""
+    """Show frames until `over` is true; returns n_shown, the number of frames shown before, plus those shown now."""
     while not over():
         frame = None
         if frames is None or frames.ended:
@@ -109,7 +109,7 @@ def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n
 
 
 def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Compile in another process; if that fails, this process compiles later. Returns the number of frames shown."""
+    """Compile the kernels of `rehearse` in another process, and show frames meanwhile; returns their number so far."""
     LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True

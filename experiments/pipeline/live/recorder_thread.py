@@ -19,9 +19,9 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 class RecorderThread(Generic[Item]):
     """Thread that records items in order until `finish`.
 
-    folder, codec: arguments of the `Recorder`; frame: function that makes an item's frame, called in the thread
+    folder, codec: arguments of the `Recorder`; frame: converts an item to a frame, called in the thread
     n_waiting: largest number of waiting items
-    faults: kinds of errors that end the recording; failed: function that the thread then calls with the error
+    faults: types of errors that end the recording; failed: called in the thread with the error that occurred
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class RecorderThread(Generic[Item]):
         return True
 
     def make_room(self) -> bool:
-        """Drop the oldest item if too many wait; returns whether one was dropped."""
+        """If the largest number of items already waits, drop the oldest; returns whether an item was dropped."""
         with self._changed:
             full = len(self._waiting) >= self._n_waiting
             if full:

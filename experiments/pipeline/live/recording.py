@@ -1,6 +1,6 @@
 """Recording of a live run: a folder with all its input, actions and estimates, for an exact replay.
 
-The folder has the files of `softaim record`, or marks.csv, and the loop's journal and tables. They are written
+The folder has the files of `softaim record`, or marks.csv, and the loop's journal and tables. All files are written
 continuously; each camera has a thread that compresses its pictures without delaying the loop.
 """
 
@@ -22,7 +22,7 @@ from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.recorder_thread import RecorderThread
 
 WAITING = 64
-"""Largest number of pictures that wait for a thread; choice: one second at 60 frames/s, 60 MB at 640x480."""
+"""Largest number of pictures of a camera that wait for compression; choice: 60 MB at 640x480, 1 s at 60 frames/s."""
 
 
 class LiveRecording:
@@ -72,7 +72,7 @@ class LiveRecording:
     def frame(
         self, frame: vision.Frame | vision.Exposure | MarksFrame, exposure_s: float, now_s: float, *, fits: bool
     ) -> None:
-        """Write a frame with this exposure time at the clock time now_s [s]; fits: whether the frame can be used."""
+        """Write a frame; exposure_s: exposure time [s]; now_s: present clock time [s]; fits: whether it can be used."""
         if not self.going:
             return
         if not fits:
@@ -102,7 +102,7 @@ class LiveRecording:
             self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), *entries_mm2))
 
     def fail(self, fault: Exception) -> None:
-        """End the recording because of this error; earlier content stays."""
+        """End the recording because of this fault; what has been recorded is kept."""
         if self.fault is None:
             self.fault = fault
             LOG.warning("recording: %s; it ends here, the run continues", fault)

@@ -23,7 +23,7 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: by table, the number of compared rows; different: by table, the number of the first row that differs, if any
+    rows: number of compared rows of each table; different: number of the first different row of each table that has one
     begun: whether the recording began when the run began; if not, estimates differ until the filter has converged
     frames: number of replayed frames
     lacking: number of frames in the journal that have no picture, because the recorded run was killed
@@ -37,9 +37,9 @@ class Replayed:
 
 
 def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
-    """Replay a recording of a live run, write its tables to an existing folder, and compare. Raises InputError.
+    """Replay a recording of a live run, and compare its tables with those of the replay. Raises InputError.
 
-    advance: called with the completed share
+    out: existing folder, to which the tables of the replay are written; advance: called with the share that is done
     """
     scene = read_scene(folder / "scene.toml")
     needle = folder / "needle.toml"
@@ -74,7 +74,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 
 def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str, Iterator[vision.Frame]]:
-    """The pictures of a recording by the camera's name, "" for a single camera; empty for a recording of marks."""
+    """Pictures of a recording by camera; a single camera has the name "". Empty if the recording has only marks."""
     if not any(done.act is Act.FRAME for done in journal):
         return {}
     films = read_recording(folder).open_films()
@@ -123,9 +123,9 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of compared rows of two tables, and number of the first row that differs, from 1; None if all are equal.
+    """Number of compared rows of two tables, and number of the first different row; None if all rows are equal.
 
-    If the recorded run was killed, an incomplete last row is ignored.
+    The first row of data has the number 1. If the recorded run was killed, an incomplete last row is ignored.
     """
     mine, theirs = (_rows(path) for path in (replayed, recorded))
     n = min(len(mine), len(theirs))

@@ -49,7 +49,7 @@ class LiveSettings:
     """Waiting times of a live run.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: while no frame comes, the filter stays behind the present by this time and two frame intervals [s]; choice
+    behind_s: the filter's delay while no frame comes, in addition to two frame intervals [s]; choice
     """
 
     wait_s: float = 0.1
@@ -63,18 +63,18 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source; hung_s: delay of the filter until two frames have determined the frame interval [s];
+"""Settings of a live source. hung_s: the filter's delay while no frame comes, if the frame interval is unknown [s];
 settled_frames: number of frames over which the median interval is computed."""
 
 
 class Session:
-    """One live run: processing of its frames, output, and actions.
+    """One live run: it processes frames, writes and shows the results, and does actions such as a pause.
 
     needle: the needle's plan; with a plan, advice.csv is written beside the estimates
-    watch: called with each frame, its step and the advice
+    watch: called with each frame, its `Step` and the advice
     publisher: called with the state after each frame, and after each prediction without a frame
     rehearse: whether to compile all code before the first frame
-    journals: the recordings in progress, which record all actions for a replay
+    journals: recordings in progress; all actions are written to them for a replay
     """
 
     def __init__(
@@ -112,9 +112,9 @@ class Session:
     def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
         """Estimate the target from one frame, write and show the result; returns whether the frame was used.
 
-        A frame is not used if it is older than the filter's state or not newer than the last frame, if its size differs
-        from that of the scene's camera, or if the filter cannot use its marks.
-        waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame's size differs.
+        A frame is not used if its time is before the filter's or not after the last frame's, if it does not have the
+        size that the scene's camera states, or if the filter refuses its marks.
+        waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame's size is wrong.
         """
         exposure_s = round(frame.exposure_s, 9)
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
@@ -153,7 +153,7 @@ class Session:
         self._last_s = max(exposure_s, self._last_s or exposure_s)
 
     def _check_filter(self) -> None:
-        """If the filter's state is not finite, restart the filter, because marks could not correct such a state."""
+        """If the filter's state is not finite, restart the filter: such a state would never become finite again."""
         if not self.line.filter.is_finite:
             report_event(self._own_s(self._clock()), "filter", "the state is not finite, so the filter restarts")
             self._restart()
@@ -170,7 +170,7 @@ class Session:
         self.counters.not_used += 1
 
     def _step(self, frame: LiveFrame, exposure_s: float) -> Step | None:
-        """The `Step` of a frame; None if the filter refuses its marks. It reports only the first refusal in a row."""
+        """The `Step` of a frame; None if the filter refuses its marks. Successive refusals are reported only once."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)
@@ -227,8 +227,8 @@ class Session:
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
 
-        The filter itself is predicted only to an earlier time, because a late frame may still come. The filter's
-        predictions are written; the prediction at now_s is only shown.
+        The filter is predicted only to an earlier time, because a late frame may still come. The estimate at this
+        earlier time is written; the estimate at now_s is only shown.
         """
         self._check_filter()
         tissue = self.line.filter
@@ -253,7 +253,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Set the clock time origin_s [s] at which the time of the source, such as a film, is zero."""
+        """Set the zero of the source's own time, such as the time in a film; origin_s: clock time of this zero [s]."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -261,14 +261,14 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate in the source's time; its covariance also includes the errors that the scene does not state."""
+        """The estimate in the source's time; its covariance also includes the errors that the filter leaves out."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
     def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> float:
-        """Write an action to the journals and return the clock time [s]; time_s: the action's time, by default now."""
+        """Write an action at time_s, by default the present, to the journals; returns the present clock time [s]."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
@@ -280,7 +280,7 @@ class Session:
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """Set the largest delay from a frame's exposure to its arrival [s], and whether frames come too irregularly."""
+        """Set the largest delay from exposure to arrival [s], and whether frames come too irregularly."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
@@ -291,10 +291,10 @@ class Session:
         self.integrity.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:
-        """Use a direct measurement of the target at the time of the newest estimate: position [m], (dim,), sd [m].
+        """Use a direct measurement of the target (fix), taken at the time of the newest estimate.
 
-        If the scene states no error common to all direct measurements, the measurement's variance includes
-        `USUAL_BIAS`. Raises ValueError before the first estimate, and for another dimension.
+        place_m: measured position [m], (dim,); sd_m: standard deviation [m]. If the scene states no common error of
+        fixes, the variance includes `USUAL_BIAS`. Raises ValueError before any estimate, or for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:
@@ -338,11 +338,11 @@ class Session:
 
     @property
     def wait_s(self) -> float:
-        """Longest wait for a frame before the target is predicted [s]; with a needle, at most the plan's `stale_s`."""
+        """Longest wait for a frame before the target is predicted [s]; with a needle not above the plan's `stale_s`."""
         wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 
     @property
     def interval_s(self) -> float | None:
-        """Median interval between the last frames [s]; None before the second frame."""
+        """Median of the last intervals between frames [s]; None before the second frame."""
         return median(self._intervals_s) if self._intervals_s else None

@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Number of frames after which all code is loaded, so that loading no longer increases memory; choice."""
+"""After this number of frames, all code is loaded and no longer increases the used memory; choice."""
 
 STATM = Path("/proc/self/statm")
 
@@ -35,7 +35,7 @@ def memory_mb() -> float | None:
 class Counters:
     """Performance counters of the loop since the run began.
 
-    frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
+    frames: number of used frames; not_used: number of others; without_frame: number of predictions without a frame
     dropped: number of frames that newer frames replaced before their use
     late: number of frames whose estimate took longer than the median frame interval
     latencies: latencies from exposure to estimate; latency_ms: latency of the newest frame [ms]
@@ -54,7 +54,7 @@ class Counters:
     began_mb: float | None = None
 
     def add(self, latency_s: float, stages_s: Mapping[str, float], *, took_s: float, interval_s: float | None) -> None:
-        """Count a used frame and store its times [s]; it is late if took_s exceeds the frame interval interval_s."""
+        """Count a used frame, and store its times [s]; the frame is late if took_s exceeds interval_s."""
         self.frames += 1
         self.late += interval_s is not None and took_s > interval_s
         self.latency_ms = 1e3 * latency_s
@@ -70,7 +70,7 @@ class Counters:
 
     @property
     def numbers(self) -> dict[str, int]:
-        """The numbers of frames, by name."""
+        """Numbers of frames, by the name of the counter."""
         names = ("frames", "without_frame", "dropped", "not_used", "deadlines_missed")
         return {name: getattr(self, name) for name in names}
 
@@ -82,7 +82,7 @@ class Shown:
     estimate: estimate in the source's own time; at_s: clock time of the estimate [s]
     frame, step: None if the target was predicted without a frame; frame is also None for another tracker's marks
     guidance, plan: the advice, and the needle's plan; None if the run has no needle
-    fault: the reason why no needle can have guidance; None if there is no reason
+    fault: reason why guidance is not possible, stated even without a needle; None if guidance is possible
     interval_s: median interval between frames [s]
     errors: text with the largest sources of the target's variance
     """
@@ -103,7 +103,7 @@ class Publisher(Protocol):
     """Protocol of an object that shows the run's state to viewers without delaying the loop."""
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Publish the present state; line: the pipeline in this state."""
+        """Publish the present state; line: the run's pipeline."""
 
 
 def status_text(

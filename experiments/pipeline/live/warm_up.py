@@ -38,7 +38,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Process frames with marks at these positions [m], (n_marks, dim), with an outlier, and without marks."""
+    """Process frames: with marks at these positions [m], (n_marks, dim), with one mark elsewhere, and without marks."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
@@ -49,7 +49,7 @@ def _rehearse_marks(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_pictures(scene: Scene, places: Floats) -> None:
-    """Process synthetic pictures of all marks, of their left halves, and of no mark."""
+    """Process synthetic pictures, which show the whole marks, only their left halves, or no mark."""
     camera, rng = scene.cameras[0], np.random.default_rng(0)
     centers_px = camera.project(places)
     shapes_px = [mark.shape_px(camera, x) for x, mark in zip(places, scene.marks, strict=True)]
@@ -71,7 +71,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_exposures(scene: Scene) -> None:
-    """Process synthetic pictures of all cameras in space, of a single camera, and without marks."""
+    """Process synthetic pictures of all cameras in space, of one camera only, and of all cameras with hidden marks."""
     rng, light = np.random.default_rng(0), vision.Lighting()
     x, hidden = scene.network.positions, [mark.node for mark in scene.marks]
     whole = {c.name: draw_in_space(scene, c, x, light, rng) for c in scene.space_cameras}
@@ -83,7 +83,7 @@ def _rehearse_exposures(scene: Scene) -> None:
 
 
 def _rehearse_search() -> None:
-    """Search for a mark by its outline and learnt appearance, as if its colour alone did not suffice."""
+    """Search for a mark by its outline and its learnt appearance, as a run does if a search by colour fails."""
     disc = vision.Disc(np.array([60.0, 60.0]), (8.0, 8.0), 0.0)
     image = vision.draw_frame((120, 120), [disc], vision.Lighting(), np.random.default_rng(0))
     outline = vision.Outline(8.0 * np.eye(2), 0.05)
@@ -96,6 +96,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Process a frame; ignore a refusal by the scene's filter, which a run may also have."""
+    """Process a frame. Ignore a CovarianceError: the filter may refuse marks in a run, too."""
     with suppress(CovarianceError):
         frame()

@@ -15,21 +15,21 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested. The first frames are not tested, because the prior is wide."""
+"""Statuses of frames whose innovations are tested. The first frames are not tested: their prior is still wide."""
 
 COVERED = (0.9, 0.995)
-"""Least and largest share of frames inside the 95 % region if the covariance is neither too small nor too large [1];
-choice."""
+"""Least and largest share of frames inside the 95 % region [1]; choice. If the share is smaller, the covariance is too
+small; if it is larger, the covariance may be too large."""
 
 ONE_ERROR = 0.999
-"""If an error common to all frames lies outside the region of this probability [1], the covariance is too small;
-choice."""
+"""Probability of the region in which an error common to all frames must lie [1]; choice. If the error lies outside, the
+covariance is too small."""
 
 MOST_NEES = 2.0
-"""Largest ratio of mean NEES to the dimension; above it the errors of some frames are too large [1]; choice."""
+"""If the mean NEES, divided by the dimension, is above this, the errors of some frames are too large [1]; choice."""
 
 NOISY = 1.5
-"""Estimated factor on the stated sd of marks above which the stated sd is reported as too small [1]; choice."""
+"""If marks are estimated to be noisier than stated by more than this factor, a message says so [1]; choice."""
 
 NOISE = "marks are at least {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
 
@@ -48,8 +48,8 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    degrees: mean degrees of freedom of a frame's NIS, which are the number of measured coordinates
-    low, high: limits of the band; noise: mean of the estimated factor on the stated standard deviation of marks [1]
+    degrees: mean number of coordinates measured in a frame, which are the degrees of freedom of its NIS
+    low, high: limits of the band; noise: mean estimated ratio of the true to the stated standard deviation of marks [1]
     """
 
     mean_nis: float
@@ -83,23 +83,23 @@ def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
 
 
 def sigmas_m(estimates: Sequence[TargetEstimate]) -> list[float]:
-    """Standard deviation of the target on each axis [m] in frames with a finite covariance."""
+    """Standard deviation of the target [m], rms over the axes, of each frame with a finite covariance."""
     traces = [float(np.trace(e.cov)) / len(e.mean) for e in estimates if e.cov is not None]
     return [float(np.sqrt(trace)) for trace in traces if np.isfinite(trace) and trace >= 0.0]
 
 
 def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
-    """Number of frames by status, with all statuses."""
+    """Number of frames with each status; every status has an entry."""
     statuses = [e.status for e in estimates]
     return {str(status): statuses.count(status) for status in Status}
 
 
 @dataclass(frozen=True, slots=True)
 class TruthScore:
-    """Comparison of the target's covariance with its errors from a known truth.
+    """Score of the target's covariance by the true errors of the target.
 
     coverage95: share of frames in which the truth lies inside the 95 % region [1]; dim: dimension of the tissue
-    one_error: whether most of the variance comes from an error that is constant in time; all frames are then one sample
+    one_error: whether most of the variance is that of an error constant in time; then all frames count as one sample
     """
 
     coverage95: float
@@ -144,7 +144,7 @@ def verdict(
     checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
-    """Text with the result of the test by innovations, what it does not test, and the number of frames by status.
+    """Text on a run: the result of the test by innovations, what this test leaves open, and frames by status.
 
     refused: number of marks that the gate rejected; frozen: number of frames that repeat earlier values
     pictures: whether marks were found in pictures; truth: scores of the target, if its truth is known
@@ -170,7 +170,7 @@ def verdict(
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:
-    """Text on the fit, and the cause of a bad fit; wide: whether lower noise levels may be advised."""
+    """Text on the fit, and the cause of a bad fit; wide: whether stated noise levels may be named as too high."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks scatter as predicted: NIS {fit.mean_nis:.2f} in {band}"
@@ -189,8 +189,8 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by a filter that does not use this mark.
 
-    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance from the prediction
-    mean_nees: ideally equal to the dimension; ratio: observed to predicted rms error, ideally 1
+    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance between the two [mm]
+    mean_nees: ideally the dimension of the tissue; ratio: rms error divided by the predicted rms error, ideally 1
     """
 
     frames: int
@@ -200,7 +200,7 @@ class Withheld:
 
 
 def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
-    """Statistics of one or more predictions of one mark."""
+    """Statistics of the predictions of one mark by a filter that does not use this mark."""
     errors = np.array([one.error for one in checks])
     nees = float(np.mean([one.nees for one in checks]))
     distances = np.linalg.norm(errors, axis=1)
@@ -208,7 +208,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """Text on what the errors of withheld marks show about the target; scale: mean factor on its covariance."""
+    """Text on what the errors of withheld marks say about the target; scale: mean factor on the target's covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

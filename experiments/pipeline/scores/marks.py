@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames without a mark above which the mark is reported [1]; choice: the share outside 95 % regions."""
+"""If a mark was not used in more than this share of frames, it is reported [1]; choice: share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -55,7 +55,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counts how often, and why, each mark was not used."""
+    """Counts the frames in which each mark was not used, by reason."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -75,9 +75,9 @@ class MarkTally:
                 self._counts[mark.node, NO_ROW if why is None else why.reason] += 1
 
     def shares(self) -> dict[str, MarkShares]:
-        """The shares by node; empty if there were no frames.
+        """For each mark, by node, its shares of frames, as in `MarkShares`; empty if there were no frames.
 
-        If the filter does not use a mark and the mark was never found, it is omitted, because it may be hidden.
+        A mark that the filter does not use is omitted if marks.csv never has it, because it may be hidden.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -93,7 +93,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """Line on the mark that was least often used: why, and what to check; None if all were used in most frames."""
+    """Line on the least used mark: why it was not used, and what to check; None if all were used in most frames."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -114,7 +114,7 @@ def reason_words(scene: Scene, node: str, reason: str) -> str:
 
 
 def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Reason why a mark was not found, with its numbers; lost: None if the marks come from another tracker."""
+    """Reason why a mark was not found, with its figures in parentheses; lost: None for another tracker's marks."""
     if lost is None:
         return NO_ROW
     words = reason_words(scene, node, str(lost.reason))

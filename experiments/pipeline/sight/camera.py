@@ -25,21 +25,21 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""Least cosine of the angle between the normal of a searched mark and the direction to the camera;
-choice: 73 degrees. The detector rejects shapes whose width is below a quarter of their length."""
+"""A mark is searched for if the cosine between its normal and the direction to the camera is above this [1]; choice: 73
+degrees, because the detector rejects shapes whose width is below a quarter of their length."""
 
 PATIENCE, AGAIN = 3, 6
-"""If a camera does not find a mark in PATIENCE frames, it searches for the mark only in every AGAIN-th frame [1];
-choice: each search for a hidden mark covers the whole picture and is slow."""
+"""Numbers of frames [1]; choice. After PATIENCE frames without a mark, a camera searches for this mark only in every
+AGAIN-th frame, because each search for a hidden mark covers the whole picture and is slow."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Search stages of the finders. The slowest, a search in other light, is omitted: other cameras may see the mark."""
+"""Search stages of the finders. The slowest stage, "other light", is omitted: other cameras may see the mark."""
 
 
 class CameraSight:
     """Finder of marks in the pictures of one camera.
 
-    normals: outward unit normals of the marks, (n, 3); steps: errors of lens and pose, as in `vision.Seen`
+    normals: outward unit normals of the marks, (n, 3); steps: errors of the camera, as in `vision.Seen`
     lost: by node, the reason why its mark was not found
     """
 
@@ -64,7 +64,8 @@ class CameraSight:
     ) -> list[AssociatedMark]:
         """The expected marks found in a picture, (height, width, 3) BGR.
 
-        A mark that was not found in `PATIENCE` consecutive frames is sought only in every `AGAIN`-th frame.
+        A mark that was not found in `PATIENCE` consecutive frames is searched for only in every `AGAIN`-th frame.
+        after_impulse: function from a node to the expected image of its mark after an impulse on the node
         """
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
@@ -167,12 +168,12 @@ class CameraPose:
         return self.sight.one(name, self._places[name], self._place_cov)
 
     def _scaled(self, points_m: Floats) -> tuple[Floats, Floats]:
-        """Projection of points [m], (n, 3), by the calibrated camera, converted to metres, and its derivative."""
+        """Projections of points [m], (n, 3), in the calibrated camera, scaled to metres, and their derivatives."""
         _, places_px, J = self._calibrated.viewed(points_m)
         return self._m_per_px * places_px, self._m_per_px * J
 
     def _set(self, pose: PoseEstimate) -> None:
-        """Set the pose of the finder's camera, and the errors of its lens and pose."""
+        """Set the finder's camera to this pose, with the errors of this pose and of the camera's calibration."""
         motion, n = pose.motion, len(self._calibration)
         own = self._calibrated.pose
         moved = own.after(Pose(motion.rotation, motion.moved(np.zeros((1, 3)))[0]))

@@ -1,4 +1,4 @@
-"""Positions on the plane of marks found in a picture; the camera's pose, estimated from reference marks."""
+"""Marks on the plane: positions of marks found in a picture, and the camera's pose, estimated from reference marks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """Positions on the plane of the marks found in a picture; by_name: the scene's marks by name."""
+    """Measured positions on the plane, for marks found in a picture; by_name: the scene's marks by name."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]
@@ -47,10 +47,10 @@ def on_plane(
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSeen:
-    """Result of a frame for the reference marks.
+    """The reference marks in one frame.
 
     seen: names of the visible reference marks; wrong: names of reference marks that contradict the others
-    moves: detected moves of cameras by the camera's name, which is "" in a flat scene; empty in almost all frames
+    moves: moves detected in this frame, by the name of the moved camera, which is "" in a flat scene
     """
 
     seen: tuple[str, ...]
@@ -95,7 +95,7 @@ class ReferenceMarks:
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, measured with the camera's pose as calibrated."""
+        """The reference marks in a picture, (height, width, 3) BGR, measured as if the camera had not moved."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
@@ -114,12 +114,12 @@ class ReferenceMarks:
         return name in self._places
 
     def camera(self, calibrated: PlaneCamera) -> PlaneCamera:
-        """The camera with its present pose."""
+        """The camera with its present pose; calibrated: the camera with its calibrated pose."""
         motion = self.pose.motion
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """Shifts of a corrected mark at `place` [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
+        """Shifts of a corrected mark at `place` [m], (dim,), per sd of each calibration or pose error [m], (dim, k)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))
@@ -137,4 +137,4 @@ class ReferenceMarks:
 
 
 LEAST_M = 1e-6
-"""Least standard deviation of the pose at the start [m]; numerical."""
+"""Least standard deviation of the initial pose [m]; numerical."""

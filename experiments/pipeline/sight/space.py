@@ -18,16 +18,16 @@ from experiments.pipeline.sight.plane import ReferenceSeen
 from vision import LostMark, Reason
 
 MISFIT = 1e-4
-"""The p-value of the distance between two cameras' rays below which the cameras see different objects [1]; choice:
-that of the finder's gate in one picture."""
+"""If the p-value of the distance between cameras' rays is below this, the cameras see different objects [1]; choice:
+equal to the p-value of the finder's gate in one picture."""
 
 
 class SpaceSight:
     """Finds the measured marks of a scene in space in the pictures of its cameras, and measures their positions.
 
-    A mark that several cameras see at one time is triangulated. If only one camera sees it, its position is on the
-    camera's ray; its depth is unknown, so the standard deviation along the ray is the body's size.
-    poses: estimators of the cameras' poses by name; default: new ones, if the scene has reference marks
+    A mark that several cameras see at one time is triangulated. The position of a mark that only one camera sees is on
+    the camera's ray; its standard deviation along the ray is the body's size, because the depth is unknown.
+    poses: estimators of the cameras' poses by name; by default they are created if the scene has reference marks
     single: nodes of the marks that only one camera saw in the newest pictures
     """
 
@@ -59,8 +59,8 @@ class SpaceSight:
         """The marks in pictures taken at one time. Each picture must have the size that its camera states.
 
         predict: function from nodes to predicted positions [m], (n, 3), and covariances [m²], (n, 3, 3), of their marks
-        after_impulse: function from a node to the position and covariance of its mark, predicted as if an impulse had
-        acted on the node since the mark was last found
+        after_impulse: like `predict` for one node, but with the uncertainty of an impulse on the node since the mark
+        was last found
         """
         means, covs = predict(list(self._numbers))
         self.expected = dict(zip(self._numbers, zip(means, covs, strict=True), strict=True))
@@ -118,9 +118,9 @@ class SpaceSight:
 
 
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
-    """Function from positions of marks [m], (n, 3), to their shifts by one sd of each calibration error [m], (n, 3, k).
+    """Function from positions of triangulated marks [m], (n, 3), to their shifts by calibration errors [m], (n, 3, k).
 
-    The shifts are those of triangulated positions. If no camera sees a position, its shift is zero.
+    Each of the k errors is one standard deviation. If no camera sees a position, its shift is zero.
     """
     steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
 

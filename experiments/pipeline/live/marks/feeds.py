@@ -11,7 +11,7 @@ from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError
 
 POLL_S = 0.1
-"""Interval at which a waiting feed checks whether it has to stop [s]; lines are processed at once."""
+"""Interval at which a waiting feed checks whether it has to stop [s]; lines are processed without this delay."""
 
 LOOPBACK = "127.0.0.1"
 
@@ -19,8 +19,8 @@ LOOPBACK = "127.0.0.1"
 class UdpFeed:
     """Feed of lines in UDP datagrams at a port of this machine. Raises SourceError if the port is in use.
 
-    host: local address to listen on; by default the loopback, so that only programs on this machine can send
-    After one host has sent, other hosts are refused until the first host has been silent for SETTINGS.hung_s.
+    host: local address to listen on; by default only programs on this machine can send
+    Only one host may send: other hosts are refused until this host has been silent for SETTINGS.hung_s.
     """
 
     def __init__(self, port: int, host: str = LOOPBACK) -> None:
@@ -85,8 +85,8 @@ def udp_feed(address: str) -> UdpFeed:
 class PipeFeed:
     """Feed of lines from a pipe or terminal.
 
-    descriptor: its file descriptor, such as 0 for standard input. The feed reads it directly: if a read through
-    Python's buffers were blocked, it would hold their lock when the program ends.
+    descriptor: file descriptor of the pipe, such as 0 for standard input. It is read without Python's buffers, because
+    a blocked read would hold the buffer's lock when the program ends.
     """
 
     def __init__(self, descriptor: int = 0) -> None:

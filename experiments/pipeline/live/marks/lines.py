@@ -25,7 +25,7 @@ Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
 
 
 class SentMark(Strict):
-    """A mark in a line: it states either sd_mm or cov_mm2; in space it also states z_mm."""
+    """A mark in a line. It states either sd_mm or cov_mm2; if the scene is in space, it also states z_mm."""
 
     node: str
     x_mm: Coordinate
@@ -43,7 +43,7 @@ class SentLine(Strict):
 
 
 KEYS = (*SentLine.model_fields, *SentMark.model_fields)
-"""All keys of a line."""
+"""All keys that a line with a frame of marks may have."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,12 +29,12 @@ from vision import (
 )
 
 SETTINGS = SourceSettings()
-"""Thresholds for a blocked sender and its clock; they equal those of a camera."""
+"""Thresholds for a blocked sender and for jumps of the sender's clock, equal to those for a camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """A frame with any number of marks, even none; its number, from 0; its exposure time on the monotonic clock [s]."""
+    """A frame with any number of marks, even none; index: its number, from 0; exposure_s: monotonic clock time [s]."""
 
     index: int
     exposure_s: float
@@ -59,12 +59,12 @@ class Feed(Protocol):
 
 
 class LiveMarks(Closing):
-    """Source of the newest frame of marks from a feed, until the feed ends or `close()`; no frame is delivered twice.
+    """Source of the newest frame of marks from a feed. It ends with the feed or at `close()`; no frame comes twice.
 
-    Invalid lines and frames with times out of order are refused. Refused input is counted by kind and reported as
-    events: the first at once, then at most one event in SETTINGS.hung_s. If no usable frame comes for
-    SETTINGS.blocked_s, there is an event BLOCKED. A frame that repeats earlier values is omitted; after the event
-    FROZEN, it is delivered without marks.
+    Invalid lines and frames with times out of order are refused. Refused input is counted by kind. The first refusal is
+    immediately reported as an event; later refusals are reported together, at most once in SETTINGS.hung_s. If no
+    usable frame comes for SETTINGS.blocked_s, there is an event BLOCKED. A frame that repeats earlier values is
+    omitted; after the event FROZEN, such a frame is delivered without marks.
     refused: counts of unusable input, by kind
     """
 
@@ -148,7 +148,7 @@ class LiveMarks(Closing):
             self._changed.notify_all()
 
     def refuse(self, kind: str, text: str) -> None:
-        """Count unusable input, and report it when due; text: what was expected and found."""
+        """Count unusable input of this kind; text: message with what was expected and found."""
         with self._changed:
             self.refused[kind] += 1
             n, first = self._unreported.get(kind, (0, text))
@@ -156,7 +156,7 @@ class LiveMarks(Closing):
             self._report()
 
     def _report(self) -> None:
-        """Add a due report on refused input as an event: the count and the first message of each kind of refusal."""
+        """If an event on refused input is due, add it: the count and the first message of each kind of refusal."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
@@ -174,7 +174,7 @@ class LiveMarks(Closing):
     def next(self, timeout_s: float) -> MarksFrame | None:
         """The newest frame not yet delivered; None at the end, or if none comes within timeout_s [s].
 
-        Raises SourceError if the feed fails, and any other exception of its thread.
+        Raises SourceError if the feed fails. Also raises any other exception of the reading thread.
         """
         until = self.clock() + timeout_s
         with self._changed:
@@ -206,7 +206,7 @@ class LiveMarks(Closing):
         return events
 
     def close(self) -> None:
-        """Stop; the thread ends when its present read returns."""
+        """Stop the source; its thread ends after the read that is in progress."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

@@ -16,7 +16,7 @@ from vision import Closing, EventKind, SourceEvent
 
 
 class MarksReplay(Closing):
-    """Playback of marks.csv: delivers the newest frame that is due; the first frame is due at the first request.
+    """Playback of marks.csv: delivers the newest frame that is due. The playback starts at the first call of `next`.
 
     A frame that repeats earlier values is delivered without marks.
     """

@@ -9,7 +9,7 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""Largest factor between a frame interval in a guessed time unit and the expected interval [1]; choice."""
+"""A time unit is guessed if the frame interval in this unit equals the expected one within this factor [1]; choice."""
 
 
 class Moment(NamedTuple):
@@ -30,11 +30,11 @@ class SenderClock:
     the last settings.remembered_frames frames. The offset includes the least transmission delay, which is unknown:
     converted times are late by this delay.
 
-    A frame is refused if its sent time does not increase. It is also refused if, since the last frame, the sent time
-    has increased by settings.hung_s more than this machine's clock. If all frames are refused for settings.blocked_s
-    although their sent times increase regularly, the sender has a new clock, which is then adopted.
+    A frame is refused if its sent time does not increase. It is also refused if its sent time increases too much: by
+    settings.hung_s more than this machine's clock. If all frames are refused for settings.blocked_s although their sent
+    times increase regularly, the sender has a new clock, and the conversion starts again.
 
-    restarts: number of adopted clocks
+    restarts: number of new clocks
     """
 
     def __init__(self, settings: SourceSettings) -> None:
@@ -45,9 +45,9 @@ class SenderClock:
         self._other: tuple[Moment, Moment] | None = None
 
     def exposure_s(self, sent_s: float, arrival_s: float) -> float:
-        """Convert the time sent_s of a frame that arrived at arrival_s to exposure time by this machine's clock [s].
+        """Exposure time of a frame by this machine's clock [s]. Raises OrderError if the frame is refused.
 
-        Raises OrderError if the frame is refused.
+        sent_s: time of the frame by the sender's clock [s]; arrival_s: its arrival by this machine's clock [s]
         """
         now = Moment(sent_s, arrival_s)
         if self._last is not None and (why := self._refusal(self._last, now)) is not None:
