@@ -16,6 +16,7 @@ from dynamics import (
     pack,
     parameter_forces,
     parameters,
+    plain_step,
     potential_energy,
     rest_shape,
     scale_parameters,
@@ -213,3 +214,20 @@ def test_energy_without_losses_is_kept_and_losses_only_take(law, dim):
     else:
         assert change.max() < 1e-9
         assert energies[-1] < 0.95 * energies[0]
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_the_slip_velocity_is_numerical(phantom, monkeypatch, factor):
+    """Half and twice the slip velocity change the motion after an impulse of 0.5 m/s, but by less than 1 %."""
+    rest = pack(phantom.positions[phantom.free], np.zeros((4, 2)))
+    state = rest.copy()
+    state[8:] += 0.5 * np.random.default_rng(10).normal(size=8)
+    ends, slip = [], kernels.SLIP_VELOCITY
+    for each in (1.0, factor):
+        monkeypatch.setattr(kernels, "SLIP_VELOCITY", each * slip)
+        path = [state]
+        for _ in range(12):
+            path.append(plain_step(phantom, path[-1], 1.0 / 24.0, 10))
+        ends.append(np.array(path)[:, :8] - rest[:8])
+    moved = np.sqrt(np.mean((ends[1] - ends[0]) ** 2)) / np.sqrt(np.mean(ends[0] ** 2))
+    assert 1e-6 < moved < 0.01
