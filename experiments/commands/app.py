@@ -52,7 +52,7 @@ COMMANDS = (
 """The commands in the order of the help."""
 
 REFUSALS = frozenset({errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR})
-"""Codes of errors of the operating system that result from a file name of the user."""
+"""Error codes of the operating system for file names that cannot be used."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""

@@ -30,7 +30,7 @@ def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force 
 
 
 MOST_SHOWN = 5
-"""Largest number of failures that are printed; runs.csv has all."""
+"""Largest number of printed failures; runs.csv has all failures."""
 
 
 def sweep(

@@ -32,7 +32,7 @@ def _table(
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """A row for each method. It has errors if the truth is known, otherwise standard deviations and NIS."""
+    """A row for each method. If the truth is known, rows have errors, otherwise standard deviations and NIS."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
     title = "Error of the hidden target" if known else "The hidden target; truth not known"
@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines about frames, consistency and causes of the variance, from the filter's part of summary.json."""
+    """Lines with counts of frames, a verdict, and causes of the variance; ours: the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -80,7 +80,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """A row for each mark: errors of the position that other marks predict, from the filter's part of summary.json."""
+    """A row for each mark: errors of its prediction from other marks; ours: the filter's part of summary.json."""
     heads = [["mark"], "frames", "mean error [mm]", "mean NEES", "error / predicted"]
     rows = [
         [node, str(one["frames"]), *(f"{one[key]:.2f}" for key in ("mean_error_mm", "mean_nees", "ratio"))]
@@ -95,7 +95,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks that were found least often, and the reasons, from the filter's part of summary.json."""
+    """A row for each of the marks found least often, with the reason; ours: the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,7 +109,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """A row for each hue: its share of the picture, and how often this share is too small or too large."""
+    """A row for each hue: its share of the picture, and the shares of frames with too few and with too many pixels."""
     heads = [["marks"], ["keys"], "median", "least", "largest", "ratio to marks' area", "too few in", "too many in"]
     rows = []
     for row in kinds:
@@ -176,7 +176,7 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_lines(report: Mapping[str, Any]) -> list[str]:
-    """Lines with predicted and observed hit rates of `softaim advise`; report: the content of summary.json."""
+    """Lines that compare predicted with observed hit rates of the advice; report: the content of summary.json."""
     of, lines = report["advise"], []
     if not any(of["advice"].values()):
         return []
@@ -196,7 +196,7 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def demo_table(figures: Figures) -> Table:
-    """Mean absolute error ± SD of the paper, and of each method, for each scenario."""
+    """Mean absolute error ± SD in each scenario: a row with the published figures, and a row for each method."""
     from experiments.studies.demo import PAPER_MM, heads
 
     published = (f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
@@ -210,7 +210,7 @@ def demo_table(figures: Figures) -> Table:
 
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
-    """A row for each combination of parameters and method; the first row of `cells` has the headings."""
+    """A row for each method with each combination of parameters; the first row of `cells` has the headings."""
     broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
     heads = [[one] if one == "method" else one for one in broken]
     return _table("Error of the hidden target, over runs", heads, cells[1:])
@@ -273,7 +273,7 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """Lines with the rms residual, the pictures that were not used, and the size of a pixel on the plane."""
+    """Lines with the rms residual, the unused pictures, and the size [mm] that a pixel covers on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [
@@ -285,7 +285,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """A row for each point: residual of the fit, and error of the position that the other points predict."""
+    """A row for each point: residual of the fit, error of its prediction from the other points, and expected error."""
     keys = ("residual_mm", "left_out_mm", "left_out_expected_mm")
     rows = [[row["name"], *(_number(row[key], ".2f") for key in keys)] for row in report["points"]]
     title, heads = f"Registration by {counted(len(rows), 'point')}", [["point"], "residual", "left out", "expected"]

@@ -217,7 +217,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Estimate how large the model's errors are, from a recording without truth, and write a scene with the result."""
+    """Estimate the size of the model's errors from a recording without truth; write a scene with the result."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

@@ -13,7 +13,7 @@ from experiments.errors import InputError, coordinates, shown
 from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
-"""File name extensions by format. For `plus`, the program PLUS uses the first, and 3D Slicer the second."""
+"""File name extensions by format. The program PLUS uses .igs.mha; 3D Slicer uses .seq.mha."""
 
 
 def export(

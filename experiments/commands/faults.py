@@ -28,11 +28,11 @@ EXPECTED = (
     (r".*greater than (\S+)", r"more than \1"),
     (r".*less than (\S+)", r"less than \1"),
 )
-"""Messages of typer about a value, and the words for what was expected."""
+"""Messages of typer about a wrong value, and our descriptions of the expected value."""
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
-    """One line about a wrong call; command: such as `softaim track`; arguments: all words after `softaim`."""
+    """Message of one line about a wrong call; command: the called command; arguments: all words after `softaim`."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:
         if (parts := re.fullmatch(form, message)) is not None:
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """An InputError from an error of the operating system about a file name."""
+    """Convert an OSError about a file name to an InputError."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

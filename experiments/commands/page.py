@@ -26,7 +26,7 @@ SEVERAL = 3
 """The page describes an option only once if at least this many commands have it; choice."""
 
 TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
-"""Types that the page omits, because they say less than the text of the option."""
+"""Types of values in the help. The page omits them, because the text of each option already describes its value."""
 
 RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
 LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
@@ -53,7 +53,7 @@ def sections() -> Iterator[str]:
 
 
 def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
-    """For each argument and option of a command, except those in `COMMON`: its line on the page, and its usage text."""
+    """Line on the page and usage text of each argument and option of a command; options in `COMMON` are omitted."""
     for one in command.get_params(context):
         found = one.get_help_record(context)
         if found is None or one.name == "help" or set(one.opts) & COMMON:
@@ -65,7 +65,7 @@ def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
 
 
 def page(text: str) -> str:
-    """The page with sections from the present help; text: the old page."""
+    """The page with new sections from the help; text: the old page."""
     return replaced(text, {"commands": "\n".join(sections())})
 
 

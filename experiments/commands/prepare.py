@@ -90,7 +90,7 @@ def new(
     ] = 0,
     force: Force = False,
 ) -> Answer:
-    """Create a project: a scene to adapt, simulated tissue for practice, a needle, and a list of steps."""
+    """Create a project folder with a scene, simulated tissue for practice, a needle, and a list of steps."""
     from experiments.projects.mesh_body import N_MARKS, MeshChoice
     from experiments.projects.project import Kind, project, write_project
 

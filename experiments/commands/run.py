@@ -54,7 +54,7 @@ class Run:
     """A run of a subcommand.
 
     arguments: arguments of the command line, without passwords; log: all messages
-    given: texts of the given arguments and options, by name; the text of a flag is its name
+    given: texts of the arguments and options that the user gave, by name; the text of the flag --force is "--force"
     opened: resources that are closed at the end of the run
     """
 
@@ -96,10 +96,10 @@ class Run:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and find the steps that the scene lacks before the given command.
+        """Set the scene of this run. Find missing steps: commands, such as `identify`, that should have run before.
 
-        A step is a command such as `identify`; `begun` reports the steps. Raises InputError if the scene's network is
-        too large for a filter.
+        before: the present command, None if it needs no earlier steps. `begun` reports the missing steps.
+        Raises InputError if the scene's network is too large for a filter.
         """
         from experiments.pipeline.events import scene_line, steps_left_out
 
@@ -113,7 +113,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that the scene lacks, only once. Call this method after all input has been read."""
+        """Report the missing steps found by `use`, at the first call only. Call this when all input has been read."""
         if not self._reported:
             self._reported = True
             for line in self._left_out.values():
@@ -142,7 +142,7 @@ class Run:
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
-        """Write the run's provenance and log to an existing folder; named: final path of the folder, for the log."""
+        """Write the run's provenance and log to an existing folder; named: path of the folder that the log states."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
 
@@ -187,7 +187,7 @@ class Run:
     def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
         """Context with an output file. At its end, the run's provenance is written beside the file.
 
-        inputs: files and folders that the run reads. Raises InputError.
+        inputs: files and folders that the run reads. Raises InputError if the output file must not be written.
         """
         from experiments.formats.outputs import check_new, check_outside, streamed_file
         from experiments.formats.provenance import beside
@@ -248,7 +248,7 @@ def subcommand(command: Callable[..., Answer]) -> Callable[..., None]:
 
 
 def _given(context: typer.Context) -> dict[str, str]:
-    """Texts of the arguments and options that the user gave, by name; the text of a flag is its name."""
+    """Texts of the arguments and options that the user gave, by name; the text of the flag --force is "--force"."""
     given: dict[str, str] = {}
     for one in context.command.params:
         source, value = context.get_parameter_source(one.name or ""), context.params.get(one.name or "")

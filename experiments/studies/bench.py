@@ -7,7 +7,7 @@ full_step: one frame of the filter that also assigns marks of equal colour to no
 of the model are also uncertain.
 bodies: one frame of the filter for a cubic grid with springs along edges and diagonals. One grid has 18 free nodes and
 17 marks; the other has 48 free nodes and 40 marks.
-advice: `path_ms_a_second` is the time in which the filter predicts the target's path at 30 times within one second.
+advice: `path_ms_a_second` is the time that the filter takes to predict the target's path for one second, at 30 times.
 `quick_path_ms` is the time to compute the path for 1.5 s from tables. `live_frame_ms` is the time of one live frame: it
 updates and fits the breathing model, computes a path from tables, and evaluates 4 start times of the insertion.
 `advise_plane_ms` and `advise_space_ms` are the times to evaluate 21 start times within 2 s for a known path.
@@ -83,23 +83,23 @@ Moments = tuple[Floats, Floats]
 Groups = Sequence[Sequence[str]]
 
 SUB_STEPS = 4
-"""Number of Runge-Kutta steps per frame of the reference in plain NumPy."""
+"""Number of Runge-Kutta steps per frame in the reference filter with plain NumPy."""
 
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
-    """Run all benchmarks; returns their figures by name: median times [ms], and ratios of such times."""
+    """Run all benchmarks; returns the figures of each benchmark by name, mostly median times [ms] and their ratios."""
     figures = results(lambda name: BENCHMARKS[name](), list(BENCHMARKS), OWN_PROCESS, advance)
     return dict(zip(BENCHMARKS, figures, strict=True))
 
 
 def repeated_ms(work: Callable[[], object], repeats: int) -> float:
-    """Median duration of `work` [ms] over this number of calls, after one call that is not measured."""
+    """Median duration of `work` in `repeats` calls [ms], after one call that is not measured."""
     work()
     return 1e3 * float(np.median([seconds_of(work) for _ in range(repeats)]))
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """Three functions that estimate the target in a frame: with our filter, filterpy, and compiled filterpy."""
+    """Three functions that estimate the target in a frame: our filter, filterpy in NumPy, filterpy in compiled code."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)
@@ -154,7 +154,7 @@ def filter_step() -> dict[str, float]:
 
 
 def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
-    """Median time per frame [ms]. Within each group of nodes, the filter also assigns marks to nodes."""
+    """Median time per frame [ms] of the filter together with the assignment of marks to the nodes in each group."""
     identity = AssociationFilter(tissue, groups)
 
     def step(time_s: float, marks: list[MarkMeasurement]) -> None:
@@ -165,7 +165,7 @@ def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
-    """Times per frame [ms] of a filter that also assigns marks to nodes: with exact and with uncertain constants."""
+    """Times per frame [ms] of a filter that also assigns marks to nodes, for exact and for uncertain constants."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = resting_frames(network, OUTER, 0.00414, n_frames)
@@ -176,7 +176,7 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
 
 
 def bodies(n_frames: int = 40) -> dict[str, float]:
-    """Times per frame of the filter for two grids of nodes [ms]; their marks are accurate to 0.5 mm."""
+    """Times per frame [ms] of the filter on two grids of nodes, with marks accurate to 0.5 mm."""
     return {f"grid_{n}_ms": _grid_ms(side, n_frames) for n, side in ((18, 3), (48, 4))}
 
 

@@ -1,12 +1,12 @@
 """Speed of advice, of tuning, of smoothing, and of writing a film.
 
-The row `recording` of `softaim bench` is for frames of the phantom at rest, with three marks accurate to 1 mm.
-advise_ms, advise_by_filter_ms: time of the advice in one frame. It evaluates 21 start times of the insertion within
-2 s. For `advise_ms`, the target's path is predicted from tables; for `advise_by_filter_ms`, the filter predicts it.
-tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the filter's time for the same frames
-smooth_ms: time of `fixed_interval` per frame; smooth_ratio: this time divided by the filter's time for the same frames
+The benchmark `recording` uses frames of the phantom at rest, with three marks accurate to 1 mm.
+advise_ms, advise_by_filter_ms: time of the advice for one frame. The advice evaluates 21 start times of the insertion
+within 2 s. For `advise_ms`, the target's path is predicted from tables; for `advise_by_filter_ms`, by the filter.
+tune_ms: time of `tune_strain` per frame; tune_passes: this time divided by the filter's time per frame
+smooth_ms: time of `fixed_interval` per frame; smooth_ratio: this time divided by the filter's time per frame
 
-The row `film_640x480` is for a film with estimates drawn into it. Processor times per frame on a busy machine were
+The benchmark `film_640x480` draws estimates into a film. Processor times per frame on a busy machine were
 4.1 ms for tracking, 3.4 ms for drawing and 3.7 ms for compression, in all 11.2 ms. If one of the four marks is missing
 in every frame, the total is 32.5 ms, of which the search for this mark takes 25 ms.
 """
@@ -52,7 +52,7 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Median of durations [ms]; the first tenth of them is ignored; seconds: durations in order [s]."""
+    """Median of durations [ms], without the first tenth; seconds: durations in the order of measurement [s]."""
     return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 
@@ -64,7 +64,7 @@ def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float
 
 
 def recording() -> dict[str, float]:
-    """All figures of the row `recording`; the module's docstring explains them."""
+    """Figures of the benchmark `recording`; the module's docstring explains them."""
     frames = resting_frames(four_mass_phantom(), OUTER, MARK_SD_M, N_SMOOTHED)
     return advised(frames) | tuned(frames[:N_TUNED]) | smoothed(frames)
 
@@ -79,7 +79,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Median times of advice in a frame [ms]: the target's path is predicted from tables, or by the filter."""
+    """Median times of the advice for one frame [ms], with a path from tables and with a path from the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
@@ -98,21 +98,21 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Time of `tune_strain` for the frames: per frame [ms], and relative to the filter's time [1]."""
+    """Time of `tune_strain` per frame [ms], and its ratio to the filter's time per frame [1]."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
-    """Time to smooth the frames: per frame [ms], and relative to the filter's time [1]."""
+    """Time of smoothing per frame [ms], and its ratio to the filter's time per frame [1]."""
     fixed_interval(_filter(), frames[:3])
     pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}
 
 
 def film_640x480(scene: Scene, times_s: Sequence[float], images: Sequence[Image]) -> dict[str, float]:
-    """Median times per frame to track, to draw the overlay and to compress, and their total [ms]."""
+    """Median times per frame [ms] of tracking, drawing and compression, and of all three together."""
     line, camera, seconds = Line(scene, explain=True), scene.cameras[0], []
     with TemporaryDirectory() as folder, VideoWriter(Path(folder) / "film.avi", camera.size_px, 30.0) as writer:
         for time_s, image in zip(times_s, images, strict=True):

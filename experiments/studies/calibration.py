@@ -2,8 +2,8 @@
 
 `experiments.simulation.simulate` computes the truth. Runs last 5 s at 30 frames/s; the first 0.5 s is not evaluated.
 The camera is 1.2 m from the plane of the marks. The errors of its lens and pose are drawn once for each run. They are
-scaled so that they displace the marks by a given rms error over both axes. Marks also have 0.5 mm of noise. Two filters
-get the same marks. The filter `independent` assumes that the errors of marks are independent in each frame. The filter
+scaled so that the rms displacement of the marks has a given length. Marks also have 0.5 mm of noise. Two filters get
+the same marks. The filter `independent` assumes that marks have new, independent errors in each frame. The filter
 `considered` takes the constant error of the calibration into account.
 
 `python -m experiments.studies.calibration` does 100 runs of each case, and prints a table with these columns (latest
@@ -40,8 +40,8 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Errors of the camera before scaling; choice. Whole: lens and pose have errors as after a calibration with a dozen
-pictures. Turned: the lens is exact; the camera is rotated about its axis, and its distance is wrong."""
+"""Sizes of independent errors of the camera before they are scaled; choice. Whole: lens and pose have errors as after a
+calibration with a dozen pictures. Turned: the lens is exact; rotation about the optical axis and distance are wrong."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -49,11 +49,11 @@ CASES = (
 
 
 Run = dict[str, tuple[Floats, Floats]]
-"""One run, by filter: errors of the target [m], (n_frames, 2), and their covariances [m²], (n_frames, 2, 2)."""
+"""Results of one run by name of the filter: errors [m], (n_frames, 2), and covariances [m²], (n_frames, 2, 2)."""
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
-    """A camera in front of the phantom; its calibration error displaces marks at rest by error_m (rms) [m]."""
+    """A camera in front of the phantom. A calibration error displaces marks at rest; error_m: rms displacement [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",

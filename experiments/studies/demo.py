@@ -1,6 +1,6 @@
 """Simulate, film and track the paper's two scenarios, as `softaim demo` does.
 
-Its table has the form of [paper] section IV: mean absolute error ± SD of the hidden mass in each scenario.
+The table of the demo has the form of [paper] section IV: mean absolute error ± SD of the hidden mass in each scenario.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from experiments.simulation.simulate import simulate
 
 SCENARIOS = ("quiet", "poked")
 PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
-"""Published mean and SD of the hidden mass's error [mm], with a frame every 1.09 s and marks accurate to 4.14 ± 1.47
+"""Published mean and SD of the hidden mass's error [mm]. Frames were 1.09 s apart; the error of marks was 4.14 ± 1.47
 mm."""
 
 
@@ -28,7 +28,7 @@ def tracked(
     *,
     stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Film a scenario into the folder `recording`, and track it; stage: as in `demo`."""
+    """Film a scenario into the folder `recording`, and track it; stage: see `demo`."""
     scenario = read_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
@@ -50,7 +50,8 @@ def demo(
     """Write recordings and tracks of both scenarios to the folder `out`; returns figures by scenario and method.
 
     vector: second file format of each plot, "pdf" or "svg"; None for no second file
-    stage: function that begins a part of the work with this name, and returns a function to report its completed share
+    stage: function of the name of a part of the work. It begins the part, and returns a function to report the progress
+        of the part, from 0 to 1.
     """
     from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 

@@ -36,8 +36,8 @@ def study_options(
     """Parser of a study's options.
 
     doc: docstring of the study's module; its first line becomes the description
-    out: whether the option --out is added; page: page of docs/ whose tables --page rewrites, empty for none
-    seeds: default number of runs of each case, and default first seed; runs: name of the option for the number of runs
+    out: whether there is an option --out; page: page of docs/ whose tables --page rewrites, empty for no such option
+    seeds: defaults for number of runs and first seed, or None; runs: name of the option for the number of runs
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -87,7 +87,7 @@ def kept_runs(work: Work, cases: Sequence[Case], folder: Path, given: argparse.N
 def runs_of(work: Work, jobs: Sequence[Any], given: argparse.Namespace | None = None) -> list[Any]:
     """Do runs without storing them; returns results in the order of the jobs. Raises InputError, RunsFailedError.
 
-    given: options of `study_options`; without them all cores are used
+    given: options of `study_options`; None: one process per core
     """
     wanted = Workers() if given is None else Workers(given.processes, given.scheduler)
     with progress() as stage:
@@ -95,7 +95,7 @@ def runs_of(work: Work, jobs: Sequence[Any], given: argparse.Namespace | None = 
 
 
 def command(main: Main) -> Callable[..., int]:
-    """Decorator of a study's main function. It prints an InputError as one line, and returns the exit code 2."""
+    """Decorator of a study's main function. After an InputError, it prints one line and returns the exit code 2."""
 
     @wraps(main)
     def coded(arguments: Sequence[str] | None = None) -> int:
@@ -109,9 +109,9 @@ def command(main: Main) -> Callable[..., int]:
 
 
 def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str], file: Path | None = None) -> None:
-    """Print a text, and write it to `file` if it is given.
+    """Print a text, and write it to `file` unless that is None. With --page, also rewrite the study's page.
 
-    With `--page`, also rewrite parts of the study's page; parts: new text of each part, by name
+    parts: new text of each part of the page, by the name of the part
     """
     if file is not None:
         write_whole(file, text)

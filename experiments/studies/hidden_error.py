@@ -25,7 +25,7 @@ SEEDS = range(100, 100 + N_RUNS)
 def study(scenario: str, seeds: range, given: argparse.Namespace | None = None) -> dict[str, float]:
     """Run a scenario with all seeds; returns the figures of `experiments.studies.estimation.study.figures`.
 
-    given: options of `study_options`; without them all cores are used
+    given: options of `study_options`; None: one process per core
     """
     with tempfile.TemporaryDirectory() as cache:
         done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], given)

@@ -1,15 +1,15 @@
-"""Coverage of the target by the 95 % region for marks with different noise, with exact constants of the tissue.
+"""Share of frames with the target in the filter's 95 % region, for different noise of marks and exact constants.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
 SciPy's DOP853 computes the truth. Marks have Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s. The noise that the
-scene states is exact, ten times too large, or three times too small. The body is at rest, or it is moved by a breath of
-1, 2 or 4 m/s² with a period of 3 to 6 s, by short forces of 5 m/s², or by both. The first second is not evaluated.
+scene states is exact, ten times too large, or three times too small. The body is at rest, or it is accelerated by a
+breath (1, 2 or 4 m/s², period 3 to 6 s), by short forces (5 m/s²), or by both. The first second is not evaluated.
 
-Latest coverage of both phantoms, with seeds 500 and 501. With exact stated noise, 59 of 60 cases have 97 to 100 %, and
-the light phantom with a breath of 4 m/s² and 0.3 mm of noise has 81 %. With too large stated noise, all cases have 88
-to 100 %. With too small stated noise, cases with at most 4.14 mm of true noise have 88 to 100 %, others 56 to 93 %.
+Latest coverage of both phantoms, with seeds 500 and 501. If the stated noise is exact, 59 of 60 cases have 97 to 100 %,
+and the light phantom with a breath of 4 m/s² and 0.3 mm of noise has 81 %. If it is too large, all cases have 88 to
+100 %. If it is too small, cases with at most 4.14 mm of true noise have 88 to 100 %, other cases 56 to 93 %.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ PUSHES = {
     "pokes": Pushes(5.0, 0.0),
     "both": Pushes(5.0, 2.0),
 }
-"""Forces on the body, by name: accelerations by short forces, and by a breath with a period of 3 to 6 s [m/s²]."""
+"""Forces on the body by name: accelerations [m/s²] by short forces, then by a breath with a period of 3 to 6 s."""
 
 AFTER_S = 1.0
-"""Time from which frames are evaluated [s]."""
+"""Time of the first evaluated frame [s]."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Do one run, and return its figures.
 
-    A case has the keys `body`, `pushes` (name of the forces), `seed`, `sd_m` (true noise of marks [m]), `stated` (ratio
-    of stated to true noise), and `duration_s` [s].
+    A case has the keys `body`, `pushes`, `seed`, `sd_m`, `stated` and `duration_s` [s]. Its marks have noise of the
+    standard deviation `sd_m` [m] on each axis; the scene states `stated` times this value.
 
-    frames: number of evaluated frames; lost: number of these frames whose status permits no guidance
+    frames: number of evaluated frames; lost: number of these frames that are neither TRACKING nor COASTING
     covered: number of frames whose 95 % region contains the truth; wrong: number of frames with a wrong estimate
     nees: mean NEES per dimension; error_mm, sd_mm: root mean square error and standard deviation per axis [mm]
-    All figures after `lost` omit the lost frames.
+    The figures after `lost` omit the lost frames.
     """
     scene, frames, truth = recorded(case)
     line = Line(scene, baseline=False)
@@ -102,7 +102,7 @@ CELL = ["body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each case, over all seeds: `covered` and `wrong` as shares of frames, medians of the other figures."""
+    """A row for each case with all its seeds. `covered` and `wrong` are shares of frames, other figures are medians."""
     cells = runs.groupby(CELL, sort=False)
     sums = cells[["frames", "lost", "covered", "wrong"]].sum()
     seen = sums["frames"] - sums["lost"]

@@ -1,4 +1,4 @@
-"""Effective moduli of spring lattices, compared with those of the same tissue as finite elements.
+"""Effective moduli of tissue as a spring lattice, compared with moduli of the same tissue as finite elements.
 
     python -m experiments.studies.lattices --out DIR    # --page writes the tables to docs/lattices.md
 
@@ -64,8 +64,8 @@ SIDE_M = 0.024
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
-"""Methods for the springs: two published formulas, factors fitted to other boxes of the structure, and factors fitted
-to the box itself."""
+"""Methods for the stiffness of springs: the published formulas of Van Gelder and of Lloyd, factors fitted to other
+boxes of the structure, and factors fitted to the box itself."""
 
 AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
 
@@ -80,7 +80,7 @@ def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tis
 
 
 def fit(job: tuple[str, Sequence[int], int]) -> Floats:
-    """Fit the correction factors of a structure, (6,); job: structure, seeds of its boxes, number of cells per side."""
+    """The fitted correction factors of a structure, (6,); job: structure, seeds of boxes, number of cells per side."""
     kind, seeds, cells = job
     samples = []
     for seed in seeds:
@@ -91,9 +91,9 @@ def fit(job: tuple[str, Sequence[int], int]) -> Floats:
 
 
 def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
-    """Results for one box: a row for its finite elements, and a row for the springs of each method.
+    """Results for one box: a row for the finite elements, and a row for the springs of each method.
 
-    job: structure, seed, number of cells, correction factors of the structure
+    job: structure, seed, number of cells per side, correction factors of the structure
     alignment: mean of `Lattice.alignment` over the structure's springs
     crossing: share of springs that cross a surface of the structure
     share: share of the box's volume that the structure's tissues fill
@@ -142,7 +142,7 @@ WORDS = {
     "lloyd": "Lloyd",
     "fitted": "fitted to other boxes",
 }
-"""Headings of the methods in the table of errors. The method `own` has no column, because its errors are zero."""
+"""Column headings of the methods in the table of errors. The method `own` has no column, as its errors are zero."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -152,13 +152,13 @@ PARTS = {
     "shear modulus [kPa]": [f"shear_{name}_pa" for name in PLANES],
     "bulk modulus [kPa]": ["bulk_pa"],
 }
-"""Columns of the properties that springs cannot reproduce."""
+"""Properties that springs cannot reproduce, with their columns in the results."""
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over boxes for each structure and method, with two errors of Young's modulus.
 
-    `largest_mean_error`: mean error over boxes, in the direction in which it is largest
+    `largest_mean_error`: error averaged over boxes, in the direction with the largest average
     `largest_error`: largest error in any box and any direction
     """
     by = ["structure", "method"]
@@ -171,7 +171,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(means: pd.DataFrame) -> dict[str, str]:
-    """The tables of docs/lattices.md, by name; means: a `summary`."""
+    """The tables of docs/lattices.md, by name; means: result of `summary`."""
     kinds = list(means.index.unique("structure"))
     heads = ("structure", "tissues", "alignment", "E [kPa]", "springs")
     entries, errors, limits = [], [], []
@@ -193,7 +193,7 @@ def tables(means: pd.DataFrame) -> dict[str, str]:
 
 
 def _listed(row: pd.Series, columns: Sequence[str]) -> str:
-    """Text with the values of these columns; moduli are in kPa."""
+    """The values in these columns as text; moduli are in kPa."""
     return ", ".join(
         f"{1e-3 * row[key]:#.3g}".rstrip(".") if key.endswith("_pa") else f"{row[key]:.2f}" for key in columns
     )
@@ -203,10 +203,10 @@ SHOWN_SEED = 1000
 """Seed of the drawn lattices."""
 
 COLORS = ("0.75", OURS, VERMILLION)
-"""Colours of springs by tissue: first the surrounding tissue."""
+"""Colours of the springs in the surrounding tissue, and in the tissues of the structure."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Position of the drawn plane along y, relative to the side of the box, by structure; 0.5 for other structures."""
+"""Coordinate y of the drawn plane divided by the side of the box, by structure; for other structures, it is 0.5."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},

@@ -2,7 +2,7 @@
 
     python -m experiments.studies.lungs FOLDER              # prints the table; --page writes it to docs/zoo.md
 
-FOLDER has tables `case1.csv` and so on, with columns `landmark,phase,x_mm,y_mm,z_mm`. Phase 0 is at the end of
+FOLDER has tables `case1.csv`, `case2.csv` etc. with columns `landmark,phase,x_mm,y_mm,z_mm`. Phase 0 is at the end of
 inhaling, the last phase at the end of exhaling. The page uses the landmarks of DIR-Lab [castillo2009], which are not
 part of the repository. The model of a lung has no fixed nodes. Latest figures: docs/zoo.md.
 """
@@ -42,8 +42,8 @@ PHASE_S = 0.4
 class Lung:
     """One lung of a person.
 
-    name: name of the file, and the side; positions: positions of the landmarks [m], (n_phases, n_landmarks, 3)
-    hull, inner: indices of landmarks on and inside the convex hull of the first phase
+    name: name of the file, then the side; positions: positions of the landmarks [m], (n_phases, n_landmarks, 3)
+    hull: indices of the landmarks on the convex hull of the first phase; inner: indices of the landmarks inside it
     """
 
     name: str
@@ -57,7 +57,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of n landmarks on the hull that are far from each other. If n is None, all landmarks on the hull."""
+        """Indices of n landmarks on the hull, chosen far from each other; if n is None, of all landmarks on it."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -65,7 +65,7 @@ class Lung:
 
 
 def read_lungs(folder: Path) -> list[Lung]:
-    """Both lungs of each table `case*.csv` in a folder, in the order of file names. Raises InputError."""
+    """Both lungs of each table `case*.csv` in a folder, in the order of file names. Raises InputError if no table."""
     paths = sorted(folder.glob("case*.csv"))
     if not paths:
         raise InputError.at(folder, "case1.csv and others", "none" if folder.is_dir() else "no folder")
@@ -73,13 +73,13 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, separated by the widest gap between landmarks along x. Raises InputError."""
+    """The two lungs of a table, on both sides of the widest gap along x. Raises InputError for a wrong table."""
     positions = _by_phase(read_table(path, COLUMNS))
     return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Masks of the landmarks in each lung, (n_landmarks,), by side; places: positions, (n_landmarks, 3)."""
+    """For each side, a mask of the landmarks in this lung, (n_landmarks,); places: positions, (n_landmarks, 3)."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -87,7 +87,7 @@ def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
 
 
 def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
-    """The convex hull of the points `places`, (n, 3). Raises InputError, which names file and side of the lung."""
+    """The convex hull of the points `places`, (n, 3). Raises InputError if the points do not span a volume."""
     try:
         return ConvexHull(places)
     except (QhullError, ValueError):
@@ -129,7 +129,7 @@ def _lung(path: Path, side: str, positions: Floats) -> Lung:
 class LungConstants:
     """Constants of the network of a lung, the same for all lungs.
 
-    strand_n: stiffness of a spring times its length [N], as of a strand of 20 mm x 20 mm, modulus 2 kPa; choice
+    strand_n: stiffness of a spring times its length [N]; choice: 2 kPa times 20 mm x 20 mm, as for a strand of tissue
     damping_s: ratio of a spring's damping to its stiffness [s]; choice
     mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
     reading_sd_m: sd of a landmark's measured position on each axis [m]; source: readers differ by about 1 mm
@@ -147,7 +147,7 @@ def node_name(landmark: int) -> str:
 
 
 def edges_of(points: Floats) -> NDArray[np.int64]:
-    """Edges of the Delaunay tetrahedra of points (n, 3), each once, (n_edges, 2)."""
+    """Edges of the Delaunay tetrahedra of the points, without repetitions, (n_edges, 2); points: (n, 3)."""
     tetrahedra = Delaunay(points).simplices
     pairs = np.concatenate([tetrahedra[:, pair] for pair in combinations(range(4), 2)])
     return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
@@ -172,11 +172,11 @@ def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
 
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""Number of landmarks on the hull that the methods use as marks, by name; None: all of them."""
+"""Number of landmarks on the hull that serve as marks, by name of the row; None: all landmarks on the hull."""
 
 
 def by_spline(lung: Lung, seen: str) -> pd.DataFrame:
-    """Errors of a thin-plate spline, and errors if no motion is assumed; seen: one of `SEEN`.
+    """Errors of a thin-plate spline, and errors of estimates without motion; seen: one of `SEEN`.
 
     Each inner landmark has a row for each phase after the first.
     """
@@ -237,7 +237,7 @@ HEAD = (
 
 
 def markdown(errors: pd.DataFrame) -> str:
-    """The table in Markdown from all rows of `inner_landmarks`, and below it the reasons of the filter's failures."""
+    """The table in Markdown, and below it why the filter failed; errors: the rows of `inner_landmarks` for all jobs."""
     rows = []
     for seen in SEEN:
         own = errors[errors["seen"] == seen]

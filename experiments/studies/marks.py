@@ -1,11 +1,11 @@
-"""Accuracy of mark detection in synthetic frames with known truth, in good light and with all simulated disturbances.
+"""Accuracy of mark detection in synthetic frames with known truth: in good light, and with simulated disturbances.
 
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
 Camera, lamps, surface and motion differ from run to run (`vision.synthetic_run`). The hue is learned from one mark in
-the first frame. Expected positions of marks have an error of 3 px on each axis. A mark counts as visible if more than
-half of it is visible. A detection is false if its distance from the centre of the named mark exceeds the mark's radius.
+the first frame. Expected positions of marks have an error of 3 px on each axis. Only marks with more than half of their
+area visible count as visible. A detection is false if it is more than a radius away from the centre of its mark.
 study/marks.json has the figures of docs/marks-study.md; study/marks.csv has a row for each mark in each frame.
 """
 
@@ -53,13 +53,13 @@ from vision.tracking.settings import FINDER
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
-"""First seed of the study; smaller seeds were used for choices."""
+"""First seed of the study. Settings were chosen with smaller seeds."""
 VISIBLE = 0.5
-"""Visible share of a mark above which the mark counts as visible."""
+"""A mark counts as visible if more than this share of its area is visible."""
 FAR_PX = 4.0
-"""Distance from the true position above which a mark counts as far [px]; its error still enters the rms error."""
+"""Error above which a detection counts as far [px]. The rms error includes far detections."""
 PREDICTED_SD_PX = 3.0
-"""Error of a mark's expected position on each axis [px]. The filter of the tissue has a smaller error at 1 mm/px."""
+"""Standard deviation of a mark's expected position on each axis [px]; larger than that of `TissueFilter` at 1 mm/px."""
 
 
 def run(case: Case) -> list[dict[str, object]]:
@@ -132,8 +132,8 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     """Follow two marks of one hue that cross and touch; their relative speed is 2 px per frame or more.
 
-    A filter with constant velocity predicts each mark. A detection is an exchange if it is nearer to the other mark's
-    true position and the marks do not touch. Returns the number of exchanges, and the number of frames.
+    A filter with constant velocity predicts each mark. If a detection is nearer to the true position of the other mark
+    while the marks do not touch, the marks are exchanged. Returns the numbers of exchanges and of frames.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
@@ -161,14 +161,14 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
 
 
 def crossings(n_runs: int, given: argparse.Namespace) -> dict[str, float]:
-    """Sums over n_runs runs of `crossing`: frames, exchanged marks, and runs with an exchange."""
+    """Numbers of frames, of exchanges, and of runs with an exchange, in `n_runs` runs of `crossing`."""
     lost, frames = np.array(runs_of(crossing, range(n_runs), given)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run both of `LEVELS` with each seed, and write and print the figures."""
+    """Run each seed with both of `LEVELS`. Write and print the figures."""
     parser = study_options(__doc__, seeds=(100, FIRST_SEED), runs="--runs")
     parser.add_argument("--frames", type=int, default=60)
     given = parser.parse_args(arguments)

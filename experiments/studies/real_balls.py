@@ -4,8 +4,8 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and a ball half covered by a hand. The hue of a ball is learned from one position in a frame. DIR gets real-balls.json
-and a table for each film with a row for each frame. Latest figures: docs/real-film.md.
+and a ball half covered by a hand. The hue of a ball is learned from one position in a frame. DIR gets real-balls.json,
+and for each film a table of its frames. Latest figures: docs/real-film.md.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, Vid
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
 """Labels of balls, with the columns film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by.
 
-u_seen, v_seen: whether both edges of the ball along u or v are visible; by: person who labelled the ball, 1 or 2"""
+u_seen: whether both edges of the ball along u are visible; v_seen: the same along v; by: person who labelled, 1 or 2"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,10 @@ class Film:
     """A film of a ball, and how to find and follow the ball.
 
     path: path in the folder of real pictures
-    click: number of a frame, and position of the ball in it (u and v [px]); radius_px: radius of the ball in this frame
+    click: number of a frame, and coordinates u, v of the ball in this frame [px]; radius_px: its radius in this frame
     jolt_px: amplitude density of the ball's white acceleration in the picture [px/s²/sqrt(Hz)]
     focal_px: focal length of the camera, assumed as typical for telephones
-    size_sd: relative sd of the ball's size; follow_size: share of the size error that a new detection corrects
+    size_sd: relative sd of the expected size; follow_size: share of the size's error that a new detection corrects
     """
 
     path: str
@@ -63,7 +63,7 @@ FILMS = {
 
 
 START_SD_PX = 5.0
-"""Standard deviation of a given position in the first frame on each axis [px]; choice."""
+"""Standard deviation on each axis [px] of the given positions in the first frame; choice."""
 GONE = 10
 """Number of frames without a detection after which a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
@@ -75,8 +75,8 @@ class PxFollower:
 
     hues: colour range of each mark, by its name
     jolt_px: amplitude density of a mark's white acceleration in the picture [px/s²/sqrt(Hz)]
-    starts_px: positions of marks in the first frame, each (2,), with sd START_SD_PX; other marks may be anywhere
-    filters: a Kalman filter for each mark that is followed, by name
+    starts_px: known positions of marks in the first frame, (2,) for each mark; other marks may be anywhere
+    filters: a Kalman filter for each mark that is followed, by the mark's name
     """
 
     def __init__(
@@ -133,7 +133,7 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
-    """Matrix, (2, 2), that stretches the image of a ball as perspective does; offset_px: ball minus centre, (2,)."""
+    """Matrix, (2, 2), by which perspective stretches a ball's image; offset_px: from picture centre to ball, (2,)."""
     length = float(np.hypot(*offset_px))
     if length == 0.0:
         return np.eye(2)
@@ -191,7 +191,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """The figures of `against_labels` for a track of a labelled film with one mark."""
+    """The figures of `against_labels` for the only mark in the track of a film; film: its name in the labels."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):

@@ -6,15 +6,15 @@ model has one fixed node, one mass and one stiff spring. It has no wall; the wal
 
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
-The command makes DIR/recording for `softaim track`, and tracks it. Then it withholds the mark for 0.3 s at a time, and
-compares predicted with measured positions. It writes DIR/report.json and DIR/withheld.png. Latest figures:
-docs/real-film.md.
+The command makes DIR/recording for `softaim track`, and tracks it. Then the filter does not get the mark for 0.3 s in
+each second, and its predictions are compared with the measured positions. DIR gets report.json and withheld.png. Latest
+figures: docs/real-film.md.
 
 The plane of the swing is rotated about the vertical, relative to the picture's plane. The angle of this rotation is the
 only unknown of the homography from plane to picture. The scale follows from gravity and the frequency w of the swing.
 Between two impacts on the wall, the ball swings freely, and its angle theta obeys
-theta'' = -w² sin(theta - theta_0) - 2 c theta', where theta_0 is the rest angle and c the damping. One w is fitted to
-all free flights. The cord's length is 9.81 / w².
+theta'' = -w² sin(theta - theta_0) - 2 c theta', where theta_0 is the rest angle and c the damping. The fit has the same
+w for all free flights. The cord's length is 9.81 / w².
 """
 
 from __future__ import annotations
@@ -67,10 +67,10 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Plane in which the ball swings. Its origin is the hook; its unit is the length that a pixel covers at the hook.
+    """Plane in which the ball swings. Its origin is the hook. Its unit of length is what one pixel covers at the hook.
 
     narrowing: cosine of the angle between this plane and the picture's plane
-    nearing: relative increase of the distance from the camera per unit of length to the right [1]
+    nearing: relative increase of the distance from the camera, per unit of length to the right
     center_px: intersection of the optical axis with the picture, (2,)
     radius_px: length of the cord in units of the plane
     """
@@ -81,7 +81,7 @@ class Plane:
     radius_px: float
 
     def to_px(self, units_per_m: float = 1.0) -> Floats:
-        """Homography from the plane to the picture, (3, 3), for coordinates with this many units per metre."""
+        """Homography from the plane to the picture, (3, 3); units_per_m: factor that converts input to plane units."""
         (u0, v0), (u, v), q = HOOK_PX, self.center_px, self.nearing
         unit = np.array([[u * q + self.narrowing, 0.0, u0], [v * q, -1.0, v0], [q, 0.0, 1.0]])
         return unit @ np.diag([units_per_m, units_per_m, 1.0])
@@ -97,9 +97,9 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """The fitted pendulum: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
+    """The fitted pendulum: angular frequency [rad/s], angle between cord at rest and vertical [rad], damping [1/s].
 
-    rms_px: rms residual of the fit [px]; strikes: frames in which the ball hits the wall
+    rms_px: rms residual of the fit [px]; strikes: numbers of the frames in which the ball hits the wall
     """
 
     frequency: float
@@ -111,12 +111,12 @@ class Swing:
 
     @property
     def length_m(self) -> float:
-        """Length of the cord: gravity divided by the squared frequency."""
+        """Length of the cord [m]: gravity divided by the squared angular frequency."""
         return GRAVITY / self.frequency**2
 
     @property
     def mm_per_px(self) -> float:
-        """Height that a pixel covers at the hook [mm]."""
+        """Vertical length that a pixel covers at the hook [mm]."""
         return 1e3 * self.length_m / self.plane.radius_px
 
 
@@ -164,7 +164,7 @@ def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float
 
 
 def _strikes(u: Floats) -> list[int]:
-    """Frames in which the ball hits the wall: before the frame it moves to the right, afterwards to the left."""
+    """Frames in which the ball hits the wall: the ball moves to the right before, and to the left afterwards."""
     return [
         k
         for k in range(FIRST_FREE, len(u) - 4)
@@ -206,13 +206,13 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Mask of the frames whose mark is withheld, (n_frames,): the first 0.3 s of each second after offset_s [s]."""
+    """Mask of the frames without the mark, (n_frames,): from offset_s [s] on, the first 0.3 s of each second."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 
 
 def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
-    """Write a recording of the marks that were found, without the withheld ones; returns a mask of withheld frames."""
+    """Write a recording of the found marks, without marks in `withheld_frames`; returns the mask of these frames."""
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
@@ -228,7 +228,7 @@ def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.boo
 
 
 def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[str, dict[str, float]], list[Track]]:
-    """Track with withheld marks, once for each of `OFFSETS_S`. Returns figures by the ball's state, and tracks."""
+    """Track with withheld marks, once for each of `OFFSETS_S`. Returns figures by state of the ball, and all tracks."""
     places = np.array([step.marks[0].position for step in seen.steps])
     mark_covs = np.array([step.marks[0].cov for step in seen.steps])
     errors, covs, kinds, runs = [], [], [], []
@@ -274,7 +274,7 @@ def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str,
 
 @styled
 def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
-    """Pictures of the film with measured positions of the withheld ball, estimates, and 2-sigma ellipses."""
+    """Pictures of the film with measured and estimated positions of the withheld mark, and with 2-sigma ellipses."""
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
@@ -299,7 +299,7 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
 
 
 def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
-    """Write the study's output to the folder `out`; returns the figures of report.json. Raises InputError."""
+    """Write the output to `out`; returns the figures of report.json. Raises InputError if a frame lacks the ball."""
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")

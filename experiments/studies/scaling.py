@@ -1,6 +1,6 @@
-"""Cost of an estimate for meshes of different size: breasts of 1,000 to 14,000 nodes with 40 marks.
+"""Cost of an estimate for meshes of different sizes: breasts of 1,000 to 14,000 nodes with 40 marks.
 
-Each mesh is measured in a separate process and gives a row.
+A separate process measures each mesh; its figures are a row of the table.
 prepare_s: time from the mesh to the first estimate; cached_s: time from a prepared network to the first estimate
 ms_per_estimate: median time of an estimate while the body bends; memory_mb: peak memory of the process
 
@@ -35,7 +35,7 @@ CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
 
 N_MARKS, SD_M, N_FRAMES = 40, 5e-4, 60
 BENT_M, BENT_HZ = 5e-3, 0.5
-"""Largest displacement of a mark [m], and its frequency [Hz]."""
+"""Largest displacement of a mark [m], and frequency of the body's bending [Hz]."""
 
 CAMERA_MS = 1e3 / 60.0
 """Time between two frames of a fast camera [ms]."""
@@ -46,13 +46,13 @@ Row = dict[str, float]
 
 
 def scaling() -> list[Row]:
-    """A row for each mesh, measured in a separate process."""
+    """Figures of each mesh, see `row`. Each mesh is measured in a new process."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as alone:
         return [alone.submit(row, *cells).result() for cells in CELLS]
 
 
 def row(across: int, deep: int) -> Row:
-    """The row of a mesh with these numbers of cells across and in depth."""
+    """Figures of a mesh; across, deep: its numbers of cells across and in depth."""
     mesh, fixed = breast_mesh(across, deep)
     points = breast_points(mesh, fixed, N_MARKS)
     began = time.perf_counter()
@@ -73,7 +73,7 @@ def row(across: int, deep: int) -> Row:
 
 
 def _started(network: MassSpringNetwork) -> TissueFilter:
-    """A filter after the first frame."""
+    """A filter that has estimated the first frame."""
     tissue = TissueFilter(network, "target", [name for name in network.names if name.startswith("M")])
     _frame(tissue, 0)()
     return tissue

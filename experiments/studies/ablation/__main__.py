@@ -25,20 +25,21 @@ from experiments.studies.grid import chosen, command, grid, kept_runs, publish, 
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
-"""First seed of the study; no prior of the filter was chosen with this seed or a larger one."""
+"""First seed of the study. All priors of the filter were chosen with smaller seeds."""
 
 HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodies", "lines")
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""Figures of a run. A mechanism changes a run if it changes any of these figures."""
+"""Figures that are compared. If one of them differs with and without a mechanism, the mechanism changes the run."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures of the filter on the recording of a case, without the mechanism that the case names in `off`.
+    """Figures of the filter on the recording of a case; `off` in the case names the mechanism that is turned off.
 
-    error_m: mean error of hidden points in all frames; covered: coverage of the 95 % region; nees: NEES per dimension
-    lost: number of frames that are not TRACKING; failed: why the run ended early, if it did
+    error_m: mean error of hidden points in all frames [m]
+    covered: coverage of the 95 % region; nees: mean NEES per dimension
+    lost: number of frames that are not TRACKING; failed: why the run ended early, or an empty text
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
     with switch.patched():
@@ -53,12 +54,12 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
     """A row for each mechanism: how errors and coverage change if it is turned off.
 
-    error: mean error without the mechanism divided by mean error with it; geometric mean over bodies [1]
-    covered: change of coverage in percentage points; mean over bodies
-    changed, bodies: number of bodies with a change, and of all bodies; failed: number of runs that ended early
-    most: largest error ratio, and the body that has it; least: lowest change of coverage, and the body that has it
+    error: mean error without the mechanism divided by mean error with it [1]; geometric mean over bodies
+    covered: coverage without the mechanism minus coverage with it [percentage points]; mean over bodies
+    most: largest error ratio, and name of its body; least: lowest change of coverage, and name of its body
+    changed: number of bodies with a change; bodies: number of all bodies; failed: number of runs that ended early
 
-    If any body has a change, `error` and `covered` omit the bodies without a change.
+    If any body has a change, the bodies without a change are omitted from `error` and `covered`.
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []

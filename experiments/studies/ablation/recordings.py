@@ -108,7 +108,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
 """Functions that create a recording from a seed, by the name of the body."""
 
 LUNG = "lung"
-"""Name of the body from the folder of landmarks; its recording is the same for all seeds."""
+"""Name of the lung among the bodies; its recording comes from landmark tables, and is the same for all seeds."""
 
 
 @lru_cache(maxsize=1)

@@ -19,7 +19,7 @@ from experiments.studies.ablation.recordings import Recording
 WHOLE = "whole filter"
 
 FORCES, FIELD = Disturbances(), Discrepancy()
-"""Default priors: of the forces on the tissue, and of the displacements that the model does not contain."""
+"""Default priors of the filter, for the forces on the tissue and for the displacements that the model lacks."""
 
 Fields = Mapping[str, Any]
 
@@ -31,9 +31,9 @@ class Switch:
     Attributes
     ----------
     code : str
-        Code of the mechanism: names of its functions and classes in `estimators.core`, and number of further lines.
+        Names of the mechanism's functions and classes in `estimators.core`, then its number of lines elsewhere.
     disturbances, discrepancy, settings : mapping
-        Values of fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
+        Changed fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
     knows_constants : bool
         Whether the filter considers the uncertainty of constants.
     patches : mapping

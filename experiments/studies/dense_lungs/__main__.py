@@ -41,7 +41,7 @@ WORDS = {
 
 
 def table_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each place of marks, number of marks, and method. Means are NaN if the method ever failed.
+    """A row for each method with each place and number of marks. If the method failed in a lung, its figures are NaN.
 
     coverage95: coverage of the 95 % region, NaN for methods without a covariance; n: number of hidden landmarks
     """
@@ -81,8 +81,8 @@ def _number(value: float, form: str) -> str:
 def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
     """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants.
 
-    A row for each method and hidden landmark has the error, the NEES if the method states a covariance, and the reason
-    if the method failed.
+    Returns a row for each method and each hidden landmark: the error, the NEES, and the reason why the method failed.
+    Methods without a covariance have no NEES.
     """
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)

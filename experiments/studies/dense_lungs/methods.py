@@ -1,4 +1,4 @@
-"""Dense landmarks of lungs at two times, and methods that estimate the hidden landmarks from the others."""
+"""Dense landmarks of lungs at two times, and methods that estimate hidden landmarks from marks."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ WHERE = ("all", "front")
 """Places of marks: all around the lung, or only where y exceeds the median of all landmarks."""
 
 NEAR, DEEP = 0.03, 0.075
-"""Largest depth of marks, and smallest depth of hidden landmarks, below the convex hull; relative to the lung's longest
-extent [1]; choice."""
+"""Marks are at most NEAR below the convex hull, and hidden landmarks more than DEEP. Both depths are divided by the
+longest extent of the lung; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lung:
-    """One lung: landmarks at the end of inhaling and of exhaling [m], (n_landmarks, 3) each.
+    """The landmarks of one lung.
 
-    depth: depth of each landmark below the convex hull, relative to the lung's longest extent [1], (n_landmarks,)
+    inhaled, exhaled: positions at the end of inhaling and at the end of exhaling [m], (n_landmarks, 3)
+    depth: depth below the convex hull divided by the longest extent of the lung [1], (n_landmarks,)
     """
 
     name: str
@@ -53,7 +54,7 @@ class Lung:
         return np.flatnonzero(self.depth > DEEP)
 
     def marks(self, n: int, where: str) -> NDArray[np.int64]:
-        """Indices of at most n landmarks near the hull that are far from each other; where: one of `WHERE`."""
+        """Indices of at most n landmarks near the hull, chosen far from each other; where: one of `WHERE`."""
         near = self.depth <= NEAR
         if where == "front":
             near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])
@@ -71,7 +72,7 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, separated by the widest gap between landmarks along x. Raises InputError."""
+    """The two lungs of a table, on both sides of the widest gap along x. Raises InputError for a wrong table."""
     table = read_table(path, COLUMNS)
     if table.n_rows < 2:
         raise InputError.at(path, "rows of two lungs", f"{table.n_rows}")
@@ -93,13 +94,13 @@ def _lung(path: Path, side: str, inhaled: Floats, exhaled: Floats) -> Lung:
 
 
 OTHERS = 60
-"""Number of landmarks that become nodes of a network in addition to the marks; numerical."""
+"""Number of landmarks without a mark that become nodes of a network; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Forces of a breath, which are smooth over the lung. Their strength is 1 % of gravity; choice."""
+"""Prior of a breath's forces, which are smooth over the lung. Their acceleration is 1 % of gravity; choice."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Prior of the displacements that the network does not model. Two frames cannot determine their size; choice."""
+"""Prior of the displacements that the network does not model; choice, as two frames do not determine their size."""
 
 FRAMES_S = (0.0, 2.0)
 """Times of the end of inhaling and of exhaling [s], half a breath apart."""
@@ -108,10 +109,11 @@ FIELD_M = 0.06
 """Correlation length of the Matern field [m]; choice."""
 
 LEVELS_M = np.geomspace(0.2e-3, 50e-3, 25)
-"""Candidates for the standard deviation of the Matern field [m]; the marginal likelihood selects one; numerical."""
+"""Candidates for the standard deviation [m] of the Matern field. The marginal likelihood selects one; numerical."""
 
 LARGE_M = 1.0
-"""Standard deviation of the Matern field's trend at 0.1 m from the centre of the marks [m]; numerical."""
+"""Standard deviation of the trend's constant part, and of its linear part at 0.1 m from the marks' centre [m];
+numerical."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +121,7 @@ class DenseConstants:
     """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a landmark's measured position on each axis [m]; on average, readers differ by 1 mm (1.6 sd)
+    scatter_m: sd of a measured position on each axis [m]; source: mean distance between readers, 1 mm, divided by 1.6
     disturbances, discrepancy: priors of the filter
     """
 
@@ -131,7 +133,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods; marks: indices of the landmarks that are marks, (n_marks,)."""
+    """Input of all methods: a lung, its marks and constants; marks: indices of landmarks used as marks, (n_marks,)."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -160,7 +162,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Estimated hidden landmarks at the end of exhaling [m], (n_hidden, 3); covs: [m²], (n_hidden, 3, 3), or None."""
+    """Estimates of hidden landmarks after exhaling; means [m], (n_hidden, 3); covs [m²], (n_hidden, 3, 3), or None."""
 
     means: Floats
     covs: Floats | None = None
@@ -170,7 +172,7 @@ class Found:
 class Body:
     """A coarse network of a lung. Its first nodes are the marks; four nodes interpolate each hidden landmark.
 
-    corners, weights: indices and weights of the four nodes of each hidden landmark, (n_hidden, 4)
+    corners: indices of the four nodes, (n_hidden, 4); weights: weights of these nodes, (n_hidden, 4)
     """
 
     network: MassSpringNetwork
@@ -225,7 +227,7 @@ def by_filter(task: Task) -> Found:
 
 
 def by_open_loop(task: Task) -> Found:
-    """Estimate by the paper's method on the filter's network; marks move in straight lines between the frames."""
+    """Estimate by the paper's method with the filter's network. Marks move in straight lines between the frames."""
     body = Body.of(task)
     method = OpenLoop(body.network, body.point(0))
     for time_s, marks in task.frames():
@@ -245,7 +247,7 @@ def by_linear(task: Task) -> Found:
 
 
 def by_field(task: Task) -> Found:
-    """Estimate by a Gaussian process with affine trend and a Matern covariance whose sd maximises the likelihood."""
+    """Estimate by a Gaussian process with affine trend and Matern covariance. Its sd maximises the likelihood."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before

@@ -4,12 +4,13 @@
     python -m experiments.studies.estimation.identification --out study --runs 4 --first-seed 0
     python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
-A fit takes about 15 s on one core. A pull is the error of a constant's logarithm divided by its standard error.
+A fit takes about 15 s on one core. The fit estimates logarithms of constants; a pull is the error of such an estimate
+divided by its standard error.
 
 Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or a phantom
 with five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz
 on every mass, Coulomb friction, and half-sine forces on one marked mass at a time (`experiments/scenarios/poked.toml`).
-The scene's constants have random errors with the standard deviations `PRIOR_SD`, as the prior of the fit assumes. Each
+The scene's constants have random errors. These and the prior of the fit have the standard deviations `PRIOR_SD`. Each
 fit starts from the scene's constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
 """
 
@@ -47,7 +48,7 @@ PRIOR_SD: Mapping[str, float] = {
     "drag": 0.3,
     "friction": 0.3,
 }
-"""Relative standard deviations of the prior, and of the errors of the scene's constants."""
+"""Relative standard deviations of the errors in the scene's constants; the prior of the fit has the same ones."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
 
@@ -120,7 +121,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """Do a fit. A row for each constant has the logarithm's error before and after the fit, and its standard error."""
+    """Fit the constants; returns a row for each: error of its logarithm before and after the fit, standard error."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
@@ -137,7 +138,7 @@ def identified(case: Case) -> list[dict[str, float | str]]:
 
 
 def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
-    """Figures for each phantom and kind of constant: mean and sd of pulls, rms errors, rms standard error."""
+    """Figures for each phantom and kind of constant: mean and sd of pulls, rms errors, and rms of standard errors."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()
@@ -148,7 +149,7 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
-    """The table of the page. A mean or sd of the pulls is bold if it is outside `BOUNDS`."""
+    """The table of docs/identification.md. A mean or sd of the pulls is bold if it is outside `BOUNDS`."""
     heads = ["phantom", "constants", "fits", "pull: mean, SD", "error: before, after", "standard error"]
     rows = []
     for (name, kind), row in found.items():

@@ -6,8 +6,8 @@
 
 The folder stores runs in `runs` and true motions in `truth`; an interrupted study continues there. SciPy's RK45
 computes the truth with friction and tremor. In the scenario `poked`, half-sine forces act on one mass at a time. In
-the scenario `shoved`, half-sine forces of 10 m/s² act on all outer masses at once, and the target swings by 70 to
-140 mm. The true tissue is always the phantom. Only the filter's model has wrong constants.
+the scenario `shoved`, half-sine forces accelerate all outer masses simultaneously by 10 m/s², and the target swings by
+70 to 140 mm. The true tissue is always the phantom. Only the filter's model has wrong constants.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ UNREPORTED_S = 0.5
 """Time within which a filter must report a large error [s]."""
 
 TREMOR = 0.05
-"""Amplitude density of the white acceleration of each free node in the shipped scenarios [m/s²/sqrt(Hz)]."""
+"""Amplitude density [m/s²/sqrt(Hz)] of the white acceleration that acts on each free node in the shipped scenarios."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""Parts of a run that are evaluated separately: number of the first frame, by name. Each lasts to the run's end."""
+"""Evaluated parts of a run: their names and their first frames. Each part lasts to the end of the run."""
 
 Row = dict[str, float | int]
 
@@ -63,7 +63,7 @@ Row = dict[str, float | int]
 def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run: mean errors [mm], coverage, mean NEES, and whether the error was ever large.
 
-    diverged: whether, under the status TRACKING, the error exceeded FAR_M for UNREPORTED_S or in the last frame
+    diverged: whether the status was TRACKING while the error exceeded FAR_M, for UNREPORTED_S or in the last frame
     ever_far: whether the error exceeded FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M
@@ -90,7 +90,7 @@ def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
 
 
 def figures(runs: pd.DataFrame) -> Row:
-    """Figures of several runs, see `row_of`; ratio: mean error of the filter divided by that of the open loop."""
+    """Figures over several results of `row_of`; ratio: the filter's mean error divided by the open loop's."""
 
     def mean(column: str) -> float:
         return float(np.average(runs[column], weights=runs["frames"]))
@@ -137,18 +137,18 @@ def by_scenario(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run with wrong constants. The filter considers or ignores their uncertainty."""
+    """One run with wrong constants. The filter considers or ignores the uncertainty of the constants."""
     model = perturbed(case["seed"], known=case["uncertainty"] == "considered")
     return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
 def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of the runs that consider the uncertainty of constants, and of the runs that ignore it."""
+    """Figures of the runs whose filter considers the uncertainty of constants, and of those whose filter ignores it."""
     return {f"{label}, all": figures(own) for label, own in runs.groupby("uncertainty", sort=False)}
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Mean square error in a run of `quiet`, and its posterior Cramér-Rao bound, with a row for each of `SECTIONS`."""
+    """For each of `SECTIONS`, a row with mean square error and posterior Cramér-Rao bound in a run of `quiet`."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -169,7 +169,7 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def by_start(runs: pd.DataFrame) -> dict[str, Row]:
-    """RMSE over all runs, and its ratio to the posterior Cramér-Rao bound, for each of `SECTIONS`."""
+    """For each of `SECTIONS`, a row with RMSE over all runs, posterior Cramér-Rao bound, and ratio of the two."""
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
         rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
@@ -197,7 +197,7 @@ def hard_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
-    """Figures of the runs in which no spring turned over, and of the other runs, see `trials.turned`."""
+    """Figures of the runs in which a spring turned over (see `trials.turned`), and of the other runs."""
     parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
     return {label: figures(own) for label, own in parts.items() if len(own)}
 
@@ -218,16 +218,16 @@ HARD = {
     "over 40 mm": "{runs_ever_far}/{runs}",
     "coverage": "{coverage95:.1%}",
 }
-"""Columns of the tables: the heading, and a format string for a row's figures."""
+"""Columns of the tables of the parts: the heading, and a format string for a row's figures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
     """One table of the page.
 
-    work: function that does a run; rows: function that computes the rows of the table, with labels, from all runs
-    columns: heading and format string of each column; axes: values of each key of a case other than the seed
-    more: factor on the number of runs; first: first seed
+    work: function that does a run; rows: function that computes labelled rows of the table from all runs
+    columns: heading and format string of each column; axes: values of all keys of a case except the seed
+    more: factor on the number of runs; first: first seed of the runs
     """
 
     work: Callable[..., Any]

@@ -31,14 +31,14 @@ KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for a model that equals the true phantom: they assume only small errors of the model."""
+"""Filter settings for a model that equals the true phantom. The settings assume only small errors of the model."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One run: a shipped scenario with changes.
 
-    mark_sd_m: noise of marks on each axis [m]; strength: factor on the short forces; lost: share of lost marks
+    mark_sd_m: sd of the marks' noise on each axis [m]; strength: factor on the short forces; lost: share of lost marks
     outliers: share of marks that are 30 to 150 mm from their true positions, in any direction
     """
 
@@ -86,7 +86,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """True positions of free nodes [m], (n_times, n_free, dim), KNOTS_PER_S of them per second, stored in `cache`."""
+    """True positions of free nodes at the rate KNOTS_PER_S [m], (n_times, n_free, dim), kept in the folder `cache`."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,

@@ -20,19 +20,19 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""Onset of a fault, from the first exposure [s]: by then the breathing model is ready."""
+"""Time from the first exposure to the onset of a fault [s]: long enough to make the breathing model ready."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for the display of a fault that a single frame shows [s]. If three frame intervals are longer, they are
-the limit; a requirement."""
+"""Time limit for the display of a fault that a single frame shows [s]. The required limit is this time or three frame
+intervals, whichever is longer."""
 HIDDEN_S = 2.0
 """Time limit for a fault that no single frame shows [s]. By then, the fault must be displayed, or the covariance must
 cover the error that the fault causes; a requirement."""
 WRONG = 0.999
-"""Probability of the region that must contain the truth, unless the error is at most `LEAST_M`: see `is_wrong`."""
+"""Probability of a region around the mean; the estimate may be wrong if the truth is outside it, see `is_wrong`."""
 LEAST_M = 1e-3
-"""Error of the target up to which no estimate is wrong [m]; choice: so small an error does not matter to a needle."""
+"""If the target's error is at most this length [m], the estimate is not wrong; choice: too small to affect a needle."""
 STALE_S = 0.2
 """Largest age of a state that may show GO [s]; a requirement."""
 STEADY_S = 0.5
@@ -51,7 +51,7 @@ class Moment:
     sigma_m: standard deviation of the target's position [m]
     wrong: whether the estimate is wrong, see `is_wrong`; astray: whether the needle would miss the lesion
     well: whether the status is TRACKING and `why` is empty
-    said: the displayed fault; if there is none, the reason of the advice
+    said: the displayed fault; if there is none, the reason of the advice, whatever the advice is
     error_m: error of the target's position [m]; covered: whether the truth lies in the 95 % region
     """
 
@@ -88,14 +88,14 @@ class Moment:
 class Judged:
     """The result of a run with a fault.
 
-    The evaluated period begins at the fault's time limit `Fault.within_s`. It ends when the run has recovered; if the
-    fault lasts to the end of the run, so does the period.
+    The evaluated period begins at the fault's time limit `Fault.within_s`. It ends when the run has recovered. If the
+    fault lasts to the end of the run, the period lasts to the end of the run, too.
 
     noticed_ms: time from the fault's onset to its first display [ms]; None if it is never displayed
     covered: whether no estimate is wrong in the evaluated period
     shown: the fault text displayed most often during the fault; if there is none, the first event message
-    recovered_ms: time from the fault's end to the recovery [ms]; None if the run never recovers. If the fault lasts to
-        the end of the run, the time begins at its onset.
+    recovered_ms: time from the fault's end to the recovery [ms]; None if the run never recovers. If the fault has no
+        end, time from the fault's onset to the recovery.
     sigma_before_mm: median standard deviation of the target's position in the second before the fault [mm]
     sigma_most_mm: largest standard deviation of the target's position during the fault [mm]
     go_shown_while_faulty: number of displays of a wrong GO in the evaluated period, see `Moment.faulty_go`
@@ -120,11 +120,11 @@ class Judged:
 class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
-    name: its name in the table; what: a short description
+    name: name of the fault in the table; what: a short description of the fault
     lasts_s: duration of the fault, which begins at ONSET_S [s]; inf if it lasts to the end of the run
     within_s: time limit after the onset [s]. By then, the fault must be displayed, or the covariance must cover the
         error that the fault causes.
-    alone: whether the run needs the machine for itself, because it is in real time
+    alone: whether the run is in real time, so that no other run may use the machine
     """
 
     name: str
@@ -135,12 +135,12 @@ class Fault(ABC):
 
     @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
-        """Run with this fault, and return its result; folder: an existing folder for the run's output."""
+        """Do a run with this fault, and return the result; folder: an existing folder for the run's output."""
 
 
 @contextmanager
 def quiet_folder() -> Iterator[Path]:
-    """A temporary folder for a run's output; logging is off meanwhile."""
+    """Context with a temporary folder for a run's output. Within the context, logging is off."""
     level = LOG.level
     LOG.setLevel(logging.CRITICAL)
     try:
@@ -151,7 +151,7 @@ def quiet_folder() -> Iterator[Path]:
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
-    """Whether the truth [m], (dim,), is over `LEAST_M` away and outside the region of probability `WRONG`."""
+    """Whether the truth [m], (dim,), is over `LEAST_M` from the mean and outside the 99.9 % region, see `WRONG`."""
     is_near = cov is not None and np.isfinite(cov).all() and np.linalg.norm(truth_m - mean) <= LEAST_M
     return not (is_near or covers(mean, cov, truth_m, WRONG))
 
@@ -165,7 +165,7 @@ def covers(mean: Floats, cov: Floats | None, truth_m: Floats, probability: float
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The result of a run; moments: what it displayed at each time; lasts_s: as in `Fault`."""
+    """The result of a run; moments: what the run displayed at each time; lasts_s: duration of the fault [s]."""
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]
@@ -188,7 +188,7 @@ def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The fault text displayed most often, compared without numbers; if there is none, the first event message."""
+    """The fault text displayed most often (numbers in it may vary); if there is none, the first event message."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -198,7 +198,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Start [s] of the first period of STEADY_S without displayed faults and wrong estimates; None if there is none."""
+    """Start of the first STEADY_S in which no fault is displayed and no estimate is wrong [s]; None if never."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -33,20 +33,20 @@ from experiments.studies.faults.world import Motion, drawn, scenario_of, scene_i
 from vision import Frame, SourceError
 
 FRAME_S = 0.05
-"""Frame interval of the film [s], long enough for a busy machine to show and record it in real time."""
+"""Frame interval of the film [s]: so long that a busy machine can show and record all frames in real time."""
 STARTS_S = 60.0
 """Time limit for the appearance of a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the end of the film in which a run is no longer interrupted [s]."""
+"""If less than this time of the film is left [s], the run is not interrupted: it ends with the film."""
 ENDS_S = 20.0
-"""Timeout for a run to end after its film [s]."""
+"""Time limit from Ctrl-C or the end of the film to the end of the run's main process [s]."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
 )
-"""The program. It enables Ctrl-C, which a background process ignores by default."""
+"""The program of the run's process. It enables Ctrl-C, which a background process ignores by default."""
 GONE_S = 3.0
-"""Timeout for the run's other processes to end after its main process [s]."""
+"""Time limit from the end of the run's main process to the end of its other processes [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def _films() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def filmed(seed: int, duration_s: int) -> Film:
-    """Film the phantom for this many seconds; cached, because most faults use the same films."""
+    """Film the phantom for `duration_s` [s]; cached, because most faults use the same films."""
     folder = Path(tempfile.mkdtemp(dir=_films().name))
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
@@ -100,7 +100,7 @@ def filmed(seed: int, duration_s: int) -> Film:
 class Terminal:
     """Reads the output of a process in a thread.
 
-    text: the output so far; read: whether the thread reads; if false, the output stays unread
+    text: the output that has been read so far; read: whether the thread reads the output now
     """
 
     def __init__(self, *sources: int) -> None:
@@ -141,8 +141,8 @@ class LiveRun:
     folder: existing folder for the output; options: further options of the command
     on_terminal: whether the output goes to a terminal; otherwise it goes to pipes
     igtl_port: port of the OpenIGTLink server, 0 for none
-    process, terminal: the process and the reader of its output; address: port and token of its page
-    viewer: a viewer of the page; others: further viewers; held: resources to release at the end
+    process: the process; terminal: the reader of its output; address: port and token of its page
+    viewer: the viewer that is always connected; others: further viewers; held: resources to release at the end
     """
 
     film: Film
@@ -201,7 +201,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """File descriptors for the process's standard output and error, and file descriptors to read both from."""
+        """File descriptors to which the process writes output and errors, and descriptors from which we read them."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -209,7 +209,7 @@ class LiveRun:
         return (to_out, to_err), [out, err]
 
     def watched(self, pause_s: float = 0.0) -> Viewer:
-        """Connect another viewer, which shows each state for pause_s [s]."""
+        """Connect a viewer that shows each state for pause_s [s]; returns the viewer."""
         scene = self.film.scene
         target, n_measured = scene.network.index(scene.target.node), len(scene.measured_nodes)
         viewer = Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
@@ -217,7 +217,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """Send Ctrl-C, unless the film soon ends. Returns the film's time up to which the run is evaluated [s]."""
+        """Send Ctrl-C unless the film ends soon; returns the end of the evaluated period, as time of the film [s]."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -246,7 +246,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Duration [s] missing in tables or recording, of what the viewer saw before the film's time until_s."""
+        """Time from the end of the stored data to the last frame shown [s]; frames shown after until_s do not count."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -257,7 +257,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Times of the last rows of estimates and advice, and of the last recorded picture, by the film's clock [s]."""
+        """Times on the film's clock [s] of the last row in each table, and of the last recorded picture."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

@@ -1,4 +1,4 @@
-"""Simulated faults: a live session with a scripted clock, on pictures of a phantom, with one fault."""
+"""Simulated faults: a live session with a scripted clock tracks pictures of a phantom while one fault acts."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from vision.arrays import Image
 
 DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
-"""Time from exposure to arrival [s]: half a frame interval, and read-out."""
+"""Time from exposure to arrival [s]: half a frame interval plus 5 ms of read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that runs without a fault nearly always display GO. WAIT would hide faults."""
+"""Radius of the lesion [m]: so large that runs without a fault nearly always display GO, which a fault must end."""
 ABOVE_M = 0.03
 """Distance from the needle's entry to the target at rest [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -58,9 +58,9 @@ Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
 class TrackedNeedle:
     """A needle with a tracker.
 
-    pose: function of the time since the fault's onset [s] and of the planned insertion; it returns the true pose
+    pose: function that returns the true pose; arguments: time since the fault's onset [s], planned insertion
     push_N: force on the tissue along the needle's axis while part of the needle is inside [N]
-    seen: function that returns whether the tracker sees the needle at a time since the fault's onset [s]
+    seen: function that returns whether the tracker sees the needle; argument: time since the fault's onset [s]
     """
 
     pose: Callable[[float, Insertion], NeedlePose]
@@ -77,11 +77,11 @@ def as_is(thing: Thing) -> Thing:
 class ScriptedFault(Fault):
     """A `Fault` that a script simulates.
 
-    picture: function that changes a picture; covered: nodes whose marks are hidden in pictures
-    places: function that displaces the nodes in pictures [m]; arrivals: function that changes the camera's reads
+    picture: function that changes a picture; covered: nodes whose marks are covered in the pictures
+    places: function that displaces nodes before they are drawn [m]; arrivals: function that changes the camera's reads
     becomes: function that changes the true network at the onset; assumed: function that changes the filter's scene
-    needle: a needle with a tracker; without it, the advice is for the planned path
-    upsets: function that changes the live session, called once at the onset
+    needle: a needle with a tracker; None if the needle is not tracked, so that the advice is for the planned path
+    upsets: function that disturbs the live session, called once at the onset
     """
 
     picture: Alters = lambda image, _since_s, _rng: image
@@ -98,15 +98,15 @@ class ScriptedFault(Fault):
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
-        """Result of a run of this duration [s] with the fault; folder: an existing folder for the run's output."""
+        """Result of a run of `duration_s` [s] with the fault; folder: an existing folder for the run's output."""
         return verdict(self, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):
     """A `Publisher` that stores what a live run displays from the time since_s [s] on.
 
-    reported: function that returns the event messages since its last call
-    moments: what was displayed so far; needle: the needle's true pose
+    reported: function that returns the event messages that are new since the last call of the function
+    moments: what was displayed so far; needle: true pose of the needle now
     """
 
     def __init__(
@@ -194,7 +194,7 @@ def misses(needle: NeedlePose, truth_m: Floats) -> bool:
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """Plan of a needle so close to the target that, without a fault, GO is displayed at any phase of the breath."""
+    """Plan of a needle that starts near the target: runs without a fault display GO at any phase of the breath."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

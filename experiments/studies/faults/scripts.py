@@ -1,4 +1,4 @@
-"""Simulated faults of the camera, the marks, the tissue, the scene file, a tracked needle, and the filter's state."""
+"""Simulated faults: of the camera, marks, tissue and scene file, of a tracked needle, and of the filter's state."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _blocked = _kept(lambda _k, _rng: False)
 
 
 def _frozen(n_pictures: int) -> Arrives:
-    """A fault that repeats the last n_pictures pictures before its onset, in their order."""
+    """A fault that repeats the last `n_pictures` pictures before the onset, again and again in the same order."""
 
     def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
@@ -69,7 +69,7 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> 
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
-    """A fault of a camera that states exposure times. During the fault, the stated times have the error fault_s [s]."""
+    """A fault of a camera that states exposure times. During the fault, these times are wrong by fault_s [s]."""
     return lambda arrivals, rng, lasts_s: arrives(
         [
             replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))
@@ -81,7 +81,7 @@ def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: a
 
 
 def _noise(low: int, high: int) -> Alters:
-    """A fault with pictures of random values, from `low` to below `high`."""
+    """A fault that replaces all pixels by random integers; smallest: `low`; largest: `high` - 1."""
     return lambda image, _since_s, rng: rng.integers(low, high, image.shape, dtype=np.uint8)
 
 
@@ -168,7 +168,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
-    """A fault that displaces the first measured mark; by: its displacement [m] at a time since the onset [s]."""
+    """A fault that displaces the first measured mark; by: displacement [m] as function of the time since the onset."""
 
     def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
         moved = places.copy()
@@ -179,7 +179,7 @@ def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
 
 
 def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
-    """The positions after two marks have been exchanged."""
+    """The positions of all nodes after the first two marks have exchanged their places."""
     one, other = (scene.network.index(node) for node in scene.measured_nodes[:2])
     moved = places.copy()
     moved[[one, other]] = places[[other, one]]
@@ -192,7 +192,7 @@ _falls = _displaced(lambda since_s: (0.0, -0.5 * 9.81 * since_s**2))
 
 
 def _cut(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with its first spring practically cut."""
+    """The network after its first spring has lost 99.9 % of its stiffness and all damping."""
     stiffness, damping = network.stiffness.copy(), network.damping.copy()
     stiffness[0], damping[0] = 1e-3 * stiffness[0], 0.0
     return replace(network, stiffness=stiffness, damping=damping)
@@ -253,17 +253,17 @@ GOES_IN_S = 0.5
 INSIDE_M = 0.005
 """Depth at which the inserted needle stops [m]."""
 BEND_RAD = np.deg2rad(90.0)
-"""Angle by which the needle bends [rad]; it then misses by 25 mm, twice the lesion's radius."""
+"""Angle by which the needle bends [rad]; the bent needle misses the target by 25 mm, twice the lesion's radius."""
 BESIDE_M = 0.025
 """Distance between a needle's line and the planned line [m]; on the planned line, the advice would be GO."""
 DENT_M, DENT_N = 0.005, 2.0
-"""Depth by which a needle dents the skin without puncture [m], and its force [N]."""
+"""Depth of the dent by a needle that does not puncture the skin [m], and force of this needle on the skin [N]."""
 THROWN_M = 0.08
 """Displacement of all nodes in the filter's state on each axis [m]."""
 
 
 def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """Pose of a needle at rest at this depth, shifted sideways from the planned line and rotated about its tip."""
+    """Pose of a needle at rest: depth of its tip, distance from the planned line, and rotation about its tip."""
     along = plan.axis
     across = np.array([-along[1], along[0]])
     direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
@@ -280,7 +280,7 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Pose of a needle that dents the skin beside the planned line. After the fault, it waits outside on this line."""
+    """Pose of a needle that dents the skin beside the planned line. After the fault, it waits on the planned line."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)

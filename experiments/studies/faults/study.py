@@ -64,12 +64,12 @@ def faults_study(
 
 
 def summary(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each fault: number of seeds and of detections, slowest detection and recovery [ms].
+    """A row for each fault: numbers of seeds, detections and recoveries, slowest detection and slowest recovery [ms].
 
     covered: number of runs without a wrong estimate after the time limit for detection
     go_shown_while_faulty, go: sums over seeds
-    sigma_ratio: largest standard deviation during the fault divided by that before the fault; median over seeds
-    ended: how runs in separate processes ended; lacks_s: longest duration missing in tables or recording [s]
+    sigma_ratio: largest standard deviation during the fault divided by median before the fault; median over seeds
+    ended: how runs in separate processes ended; lacks_s: largest `Judged.lacks_s` [s]
     """
     rows = []
     for fault in FAULTS.values():
@@ -122,7 +122,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults, grouped by the `beginning` of the text that is displayed most often during the fault."""
+    """Descriptions of faults, grouped by the `beginning` of their text in the column `shown`."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -134,7 +134,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def beginning(shown: str) -> str:
-    """The first two parts of a displayed text, for example status and reason; one part if the second repeats it."""
+    """The first two parts of a displayed text, as status and reason. If both are alike, only the first."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
@@ -150,6 +150,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md, followed by the number of displays of a wrong GO and of any GO."""
+    """The list of docs/faults.md. Below it: how many displays of GO were wrong, and how many there were in all."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

@@ -25,23 +25,23 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""Time for which a run continues after the end of its fault, or after the onset of a fault that never ends [s]."""
+"""Time from the end of a fault to the end of the run [s]. If the fault never ends, time from its onset."""
 STARTS_S = 12.0
-"""Duration of the film that may pass before the first state appears [s]: four times the usual duration."""
+"""Time limit from the start of the film to the first displayed state [s]: four times the usual duration."""
 JITTER_S = 1.0
-"""Largest random delay of the fault's onset [s]; a recording is stored in pieces of this length."""
+"""Largest random delay of the fault's onset [s]. It equals the length of the pieces in which a recording is stored."""
 STARTS_WITHIN_S = 10.0
 """Time limit for the error message of a run that cannot start [s]."""
 N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, and number sent at once. For each request, the process prints a line of about 70 letters;
-all lines together exceed a terminal's buffer."""
+"""Number of refused requests, and number of requests sent before the answers are read. For each request, the process
+prints a line of about 70 characters. All lines together exceed a terminal's buffer."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""A request that the process refuses while its advice continues. A refused needle pose would end the advice."""
+"""A request that the process refuses. The advice continues; a refused pose of the needle would end the advice."""
 
 Acts = Callable[[LiveRun], None]
 
@@ -61,7 +61,7 @@ class SystemFault(Fault):
     alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
-        """Result of a run with this fault; onset_s: time from the first state to the onset [s]. Raises InputError."""
+        """Result of a run; onset_s: least time from first state to onset [s]. Raises InputError if no state appears."""
         if sys.platform == "win32":
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
@@ -103,12 +103,12 @@ class SystemFault(Fault):
 
 
 def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
-    """What a viewer showed before the film's time until_s [s]. Times are shifted so that the fault is at ONSET_S."""
+    """What a viewer showed before the film's time until_s [s]. In the result, the onset of the fault is at ONSET_S."""
     return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait until this time of the film [s]. Return at once if the process ended before it sent a state."""
+    """Wait until the film's time time_s [s]. If the process ended before it sent a state, do not wait."""
     while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 
@@ -126,7 +126,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """Add a viewer that shows each state for a second. Then connect to each server, and never read from it."""
+    """Add a viewer that shows each state for a second. Also connect a client to each server; the clients never read."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -142,7 +142,7 @@ def _slow(run: LiveRun) -> None:
 
 
 def _many(run: LiveRun) -> None:
-    """Connect fifty viewers for the duration of the fault, in a separate thread."""
+    """Start a thread that connects fifty viewers. They stay connected until the fault ends."""
     from websockets.asyncio.client import connect
     from websockets.exceptions import ConnectionClosed
 
@@ -174,7 +174,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Send requests that the process refuses. It prints a line for each; unread lines fill the terminal's buffer."""
+    """Send requests that the process refuses. For each request, the process prints a line to its output."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -221,7 +221,7 @@ def _taken(run: LiveRun) -> None:
 
 
 def _usual_taken(run: LiveRun) -> None:
-    """Let another program occupy the page's default port, and request no port."""
+    """Let another program occupy the page's default port, and start the run without a requested port."""
     with contextlib.suppress(OSError):  # another program already occupies the port
         run.held.enter_context(socket.create_server(("127.0.0.1", USUAL_PORT)))
     run.options = []

@@ -21,14 +21,15 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """A client of the stream: it shows a state, then requests the newest state, and so on.
+    """A client of the stream. After it has shown a state, it requests the newest state.
 
     Like the page, it shows STALE in two cases: if no state has arrived for STALE_S, and if the delay of a state exceeds
     the smallest delay so far by more than STALE_S.
 
     motion: true motion of all nodes; target: index of the target node
     n_measured: number of marks that the filter may use; pause_s: time for which each state is shown [s]
-    moments: what was displayed so far; known_s: arrival and exposure time of each state with a new frame [s]
+    moments: what was displayed so far
+    known_s: for each displayed frame, the time of its display and its exposure time, both since the film's start [s]
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -49,7 +50,7 @@ class Viewer:
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Add a message that another viewer received."""
+        """Add to `moments` a message that another viewer received."""
         self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
@@ -116,7 +117,7 @@ class Viewer:
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
-        """Text of the events that no earlier state contained; empty for the first state."""
+        """Text of the events that no earlier state contained. For the first state, the text is empty."""
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))

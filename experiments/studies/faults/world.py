@@ -42,7 +42,7 @@ BEGAN_S = 100.0
 """Time on the script's clock at the first exposure [s]."""
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
-"""Number of samples of the truth per frame interval."""
+"""Number of times per frame interval at which the true positions are computed."""
 GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
 """Kinds of events that are not faults."""
@@ -66,7 +66,7 @@ def scene_in_view(scenario: Scenario) -> Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """True positions of all nodes: times since the first exposure [s], and positions [m], (n_times, n_nodes, dim)."""
+    """True motion of all nodes: positions [m], (n_times, n_nodes, dim), at times since the first exposure [s]."""
 
     times_s: Floats
     positions: Floats
@@ -157,7 +157,7 @@ class ScriptedFrames(LiveFrames):
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
-        """Start no thread, because `next` reads."""
+        """Start no thread, because `next` reads the frames."""
         self._readers.append(Reader(now, np.inf))
         self._opened = True
 
@@ -189,13 +189,13 @@ class ScriptedFrames(LiveFrames):
         return events
 
     def reported(self) -> str:
-        """Text of the faults since the last call."""
+        """Texts of the faults that the source has reported since the last call."""
         reported, self._reported = "; ".join(self._reported), []
         return reported
 
 
 def _device(read: Arrival) -> Any:
-    """An object that behaves like OpenCV's capture device in one read."""
+    """An object that behaves like OpenCV's capture device during one read."""
     stated_ms = 0.0 if read.stated_s is None else 1e3 * read.stated_s
     return SimpleNamespace(
         isOpened=lambda: True,

@@ -1,7 +1,7 @@
 """Rewrite the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
-It takes about ten minutes. Comments enclose the figures in the README;
-`tests/experiments/studies/readme/test_readme.py` compares the figures with a short demo.
+It takes about ten minutes. Comments enclose the figures in the README. The test
+`tests/experiments/studies/readme/test_readme.py` runs a short demo and compares its figures with those of the README.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from experiments.studies.readme.moving_picture import PICTURE, write_moving_pict
 ROOT = Path(__file__).parents[3]
 PICTURES = ("path.png", "error.png", "sigma.png")
 DEMO_SEEDS = range(1, 6)
-"""Seeds of the README's coverage, in addition to the demo's seed; choice: a seed takes a minute per scenario."""
+"""Seeds of the README's coverage; choice: a seed takes a minute per scenario. The demo itself has one seed."""
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
-    """Coverage of the 95 % region with each seed, by scenario of the demo."""
+    """For each scenario of the demo, the coverage of the 95 % region with each seed."""
     found: dict[str, list[float]] = {}
     for name in SCENARIOS:
         for seed in seeds:
@@ -36,7 +36,7 @@ def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
 
 
 def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
-    """The demo's table for the README; spread: coverage with each seed, by scenario."""
+    """The demo's table for the README; spread: result of `coverages`."""
 
     def errors(method: str) -> list[str]:
         found = [figures[name][method] for name in figures]
@@ -57,7 +57,7 @@ def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
 
 
 def figure_rows(studies: dict[str, dict[str, float]]) -> str:
-    """The README's table with error ratio and coverage of the filter over many runs."""
+    """The README's table of the filter's error ratio and coverage; studies: results of `study` by scenario."""
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"

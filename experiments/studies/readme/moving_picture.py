@@ -29,11 +29,11 @@ from vision.arrays import Image
 
 PICTURE = Path(__file__).parents[3] / "docs" / "images" / "poked-advice.webp"
 SIZE_PX, WHOLE, WHOLE_AT_PX = (720, 440), 2.0, (205.0, 245.0)
-"""Size of the picture [px]; enlargement of the film [1]; pixel that shows the resting target; choice."""
+"""Size of the picture [px], factor by which the film is enlarged, and pixel that shows the target at rest; choice."""
 NEAR_PX, NEAR, NEAR_CORNER_PX = (270, 360), 10.0, (440, 60)
-"""Size [px], enlargement [1] and corner [px] of the close-up of the target; choice."""
+"""Close-up of the target: its size [px], its enlargement, and the pixel of its upper left corner; choice."""
 SHOWN_S, SLOWER, QUALITY = (5.0, 7.2), 2, 50
-"""Times of the first and last frame [s], factor by which the film is slower [1], quality of WebP; choice."""
+"""Times of the first and last frame [s], slow-motion factor, quality of WebP; choice."""
 SCENARIO = read_scenario("poked").model_copy(
     update={
         "camera": Camera(size_px=[640, 480], mm_per_px=[2.5, 2.5], calibration_sd_px=0.68),  # in good light
@@ -72,7 +72,7 @@ class Watched:
 def enlarged(
     image: Image, camera: PlaneCamera, at_m: np.ndarray, by: float, at_px: tuple[float, float], size_px: tuple[int, int]
 ) -> tuple[Image, PlaneCamera]:
-    """The picture, enlarged by the factor `by`, and its camera. The plane's point at_m [m] moves to the pixel at_px."""
+    """The picture enlarged by the factor `by`, and its new camera. The pixel at_px then shows the point at_m [m]."""
     u, v = camera.project(at_m[None])[0]
     enlarge = np.array([[by, 0.0, at_px[0] - by * u], [0.0, by, at_px[1] - by * v], [0.0, 0.0, 1.0]])
     larger = cv2.warpAffine(image, enlarge[:2], size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

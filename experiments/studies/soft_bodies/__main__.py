@@ -2,9 +2,9 @@
 
     python -m experiments.studies.soft_bodies --out DIR    # --page writes the table to docs/meshes.md
 
-True blocks have MuJoCo's elements; true breasts have neo-Hookean elements. Marks on the skin are accurate to 0.5 mm,
-the target is hidden, and the stiffness is known to a factor of two. The filter's constants were chosen with seeds 0
-to 3. DIR gets the runs, summary.json and table.md; an interrupted study continues there.
+MuJoCo simulates the true blocks; neo-Hookean elements simulate the true breasts. Marks on the skin are accurate to
+0.5 mm, the target is hidden, and the stiffness is known to a factor of two. The filter's constants were chosen with
+seeds 0 to 3. DIR gets the runs, summary.json and table.md; an interrupted study continues there.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def run(job: Case) -> dict[str, float]:
 
 
 def _spline(case: Recording, seen: Floats) -> Floats:
-    """Positions of the target [m], (n_frames, 3), by a thin-plate spline through the marks and the fixed wall."""
+    """The target's positions from a thin-plate spline through the marks and the fixed wall [m], (n_frames, 3)."""
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed & network.is_held]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]

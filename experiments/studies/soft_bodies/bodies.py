@@ -1,8 +1,8 @@
 """True motions of soft bodies, and the filter's models, which have another mesh and another stiffness.
 
-True breasts are neo-Hookean tetrahedra with large strains. The implicit midpoint rule integrates the motion of all
-nodes. Newton's method solves each step, and factors its matrix again only if convergence is slow. Material law, mesh
-and integrator differ from the filter's.
+The true breasts consist of neo-Hookean tetrahedra with large strains. The implicit midpoint rule integrates the motion
+of all nodes. Newton's method solves each step. If convergence is slow, Newton's matrix is factored again. Material law,
+mesh and integrator differ from the filter's.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ CONVERGED = 1e-6
 """Change of the velocity that ends an iteration [m/s]; numerical."""
 
 SLOW, MOST = 6, 40
-"""Numbers of iterations after which the matrix is factored again, and after which the step fails; numerical."""
+"""After `SLOW` iterations, the matrix is factored again; after `MOST` more iterations, the step fails; numerical."""
 
 Load = Callable[[float], Floats]
 """Function of a time [s]; it returns the forces on all nodes [N], (n_nodes, 3)."""
 
 
 def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
-    """Positions of all nodes [m], (n_frames, n_nodes, 3), of a body that is at rest in the first frame.
+    """Positions of all nodes [m], (n_frames, n_nodes, 3). The body is at rest in the first frame.
 
-    times_s: equally spaced times of the frames [s]; load: function that returns the forces on all nodes at a time.
+    times_s: equally spaced times of the frames [s]; load: function that returns the forces on all nodes at a time
 
     Raises RuntimeError if a step has no solution.
     """
@@ -72,7 +72,7 @@ def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times
 def _step(
     body: Assembly, mass: Floats, h: float, state: tuple[Floats, Floats], force: Floats, factor: SuperLU | None
 ) -> tuple[Floats, SuperLU]:
-    """Velocity at the midpoint of a step [m/s], and the factors of Newton's matrix for the next step."""
+    """Velocity at the midpoint of a step [m/s], and the factored Newton matrix, with which the next step begins."""
     q, v = state
     for most in (SLOW, MOST) if factor is not None else (MOST,):
         middle = v.copy()
@@ -91,36 +91,36 @@ def _step(
 
 
 UNCERTAIN = 0.35
-"""Standard deviation of the error of the stiffness's logarithm: 95 % of errors are within a factor of two."""
+"""Standard deviation of the natural logarithm of stated / true stiffness: 95 % of ratios are between 1/2 and 2."""
 
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
 PRESS = 0.02
-"""Largest pressure on a block's lower face, relative to Young's modulus; with 0.05 fine blocks turn inside out."""
+"""Largest pressure on a block's lower face divided by Young's modulus. A value of 0.05 turns fine meshes inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
-"""Numbers of cells across and in depth: of the true breast's mesh, and of the mesh of the filter's model."""
+"""Numbers of cells across and in depth: TRUTH for the true breast, GIVEN for the filter's model of the breast."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
-"""Motion of a moving wall: shift [m] and range of the rotation [rad] in each breath; a single lasting shift [m], which
-takes one second."""
+"""Motion of a moving wall: shift in each breath [m], range of the rotation in each breath [rad], and a lasting shift
+that happens once within a second [m]."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
-"""Gravity, and the time step of the finite differences for the acceleration of a moving wall [s]; numerical."""
+"""Gravity [m/s²]; time step [s] of the finite differences that give a moving wall's acceleration, numerical."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
-"""Ranges of the radius of a push on the skin [m], and of its duration [s]."""
+"""Range of the radii of pushes on the skin [m], and range of the durations of pushes [s]."""
 
 PRESSURE_PA = (300.0, 1500.0)
-"""Range of the greatest pressure of a push [Pa]: the skin moves by about 5 to 20 mm."""
+"""Range of the peak pressures of pushes [Pa]. Pushes move the skin by about 5 to 20 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """A moving body.
+    """The true motion of a body, and a model of the body.
 
-    network: model for the methods; its free nodes are the marks and the target, its other nodes are on the wall
+    network: model of the body, which the methods use. Free nodes: marks and target; other nodes are on the wall.
     positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 
@@ -131,7 +131,7 @@ class Recording:
 
 
 def soft_block(per_side: int, seed: int) -> Recording:
-    """A block of MuJoCo's elements that hangs from a plate. It is pressed from below, and then released."""
+    """A block that hangs from a plate, simulated by MuJoCo. It is pressed from below, and then released."""
     rng = np.random.default_rng([seed, 1])
     body = block(per_side, seed, Scale(), SECONDS, PRESS)
     drawn, fixed = body.network.positions, body.network.fixed
@@ -169,7 +169,7 @@ def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, mov
 
 @cache
 def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[str, ...], Floats, list[float]]:
-    """Names of the points, their true positions [m], (n_frames, n_points, 3), and the filter's moduli [Pa]."""
+    """Names of marks and target, their true positions [m], (n_frames, n_points, 3), and the filter's moduli [Pa]."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
@@ -260,4 +260,4 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "moving breast, fixed": lambda seed: breast(seed, moves=True),
     "moving breast, free": lambda seed: breast(seed, "none", moves=True),
 }
-"""Functions that create a body from a seed, by its name in the outputs."""
+"""Functions from a seed to a recording, by the name of the body in the outputs."""

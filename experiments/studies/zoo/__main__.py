@@ -2,7 +2,7 @@
 
     python -m experiments.studies.zoo --out FOLDER                       # all bodies, seeds 1000 to 1019
     python -m experiments.studies.zoo --seeds 2 --first-seed 0 --bodies chain2,sheet --out FOLDER
-    python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
+    python -m experiments.studies.zoo --quick --out FOLDER               # three bodies, at most one second each
 
 Runs use all cores or `--scheduler ADDRESS`. FOLDER gets runs/runs.parquet, runs.csv, cells.csv and table.md. The
 extra `dev` installs MuJoCo, which computes the true motions. Latest figures: docs/zoo.md.
@@ -29,7 +29,7 @@ from experiments.studies.zoo.run import record_of
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Upper bound of the geometric mean of error ratios, upper bound of each ratio, and range of the coverage."""
+    """Upper bounds of the mean error ratio and of each error ratio; lower and upper bound of the coverage."""
 
     mean_ratio: float
     worst_ratio: float
@@ -46,17 +46,17 @@ UNDECIDED = ("chain2", "chain3")
 
 FIGURES = ["error_m", "open_loop_m", "spline_m", "covered", "nees", "ms_a_frame"]
 COUNTS = ["non_finite", "wrong_tracking", "repairs"]
-"""Columns of a run: `FIGURES` are averaged over the runs of a row of the table, `COUNTS` are summed."""
+"""Columns of a run. A row of the table has the means of `FIGURES` and the sums of `COUNTS` over its runs."""
 
 
 def cells_of(table: pd.DataFrame) -> pd.DataFrame:
     """A row for each body with one scale and one kind of constants; table: a row for each run, see `run.run`.
 
     runs: number of runs; failed: number of runs that ended early or did not start; failure: reason of the first failure
-    filter_mm, open_loop_mm, spline_mm: mean errors [mm]. Any mean is NaN if a run lacks the figure.
+    filter_mm, open_loop_mm, spline_mm: mean errors [mm]. If a run lacks one of them, its mean is NaN.
     ratio: the filter's error divided by the smaller error of open loop and spline
-    covered: coverage of the 95 % region; nees: mean NEES per dimension
-    non_finite, wrong_tracking, repairs: sums over runs, see `hidden_scores`; ms_a_frame: mean time per frame [ms]
+    covered: coverage of the 95 % region; nees: mean NEES per dimension; ms_a_frame: mean time per frame [ms]
+    non_finite, wrong_tracking: sums over runs, see `hidden_scores`; repairs: number of numerical repairs in all runs
     """
     runs = table.reindex(columns=dict.fromkeys([*table, "failure", "ended", "frames_done", *FIGURES, *COUNTS]))
     reasons = runs[["failure", "ended"]].itertuples(index=False)
@@ -102,7 +102,7 @@ def faults(cell: Any) -> list[str]:
 
 
 def summary(cells: pd.DataFrame) -> str:
-    """List in Markdown: for each kind of constants, the number of rows within all bounds, and two error ratios."""
+    """Lines in Markdown for each kind of constants: number of rows within all bounds, mean and worst error ratio."""
     lines = []
     for constants, bounds in BOUNDS.items():
         own = cells[cells["constants"] == constants]

@@ -19,8 +19,8 @@ from experiments.simulation.bodies.zoo import BODIES, make_body
 from experiments.studies.estimation.trials import Frames, Model, frames_of
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Kinds of constants that the filter assumes: the best known ones, constants with random errors of 20 % (1 sd), or
-constants identified from another recording of the body."""
+"""Kinds of constants that the filter assumes: the true or best known constants, constants with random errors of 20 %
+(1 sd), or constants identified from another recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
@@ -35,7 +35,7 @@ N_SCALED = 10
 class Case:
     """One run of the zoo.
 
-    body: its name in `BODIES`; constants: one of `CONSTANTS`
+    body: name of the body in `BODIES`; constants: one of `CONSTANTS`
     length_s: length of the recording [s], 0 for the body's default
     """
 
@@ -54,7 +54,7 @@ class Case:
 
     @property
     def cell(self) -> str:
-        """Name of the case's row in the table: the body, and its scale or its kind of constants."""
+        """Name of the case's row in the table: the body, then the scale; for unscaled bodies, the kind of constants."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
@@ -66,7 +66,7 @@ class Case:
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Case:
-        """The case from a row of a table; other columns than the fields of a case are ignored."""
+        """The case from a row of a table. Columns that are not fields of a case are ignored."""
         return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
 
 
@@ -98,7 +98,7 @@ def quick_cases() -> list[Case]:
 
 
 WRONG = float(np.log(1.2))
-"""Standard deviation of the error of a wrong constant's logarithm, for relative errors of 20 %."""
+"""Standard deviation of the natural logarithm of wrong / true constant: errors of about 20 %."""
 
 OTHER_RECORDING = 100_000
 """Offset from a case's seed to the seed of its recording for identification."""
@@ -108,7 +108,7 @@ BUDGET_S = 12.0
 
 
 class NotIdentifiedError(Exception):
-    """Error for constants that could not be identified; the message gives the reason."""
+    """The constants of a case could not be identified. The message gives the reason."""
 
 
 def assumed(body: Body, case: Case) -> Model:
@@ -121,9 +121,9 @@ def assumed(body: Body, case: Case) -> Model:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with a random log-normal factor of 20 % standard deviation on each stiffness, damping and mass.
+    """The network with each stiffness, damping and mass multiplied by its own random log-normal factor, see `WRONG`.
 
-    If the initial positions of the body are at rest, new rest lengths keep them at rest.
+    If the body is at rest initially, rest lengths are changed so that it stays at rest.
     """
     network = body.network
 
@@ -143,8 +143,8 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
     """Model with constants fitted to another recording of the body; raises NotIdentifiedError.
 
-    The recording shows every node. The fit starts from exact masses. The springs of each kind start with one wrong
-    factor on their stiffness, and with another on their damping. Rest lengths are fitted, too.
+    The recording shows every node. The fit starts from exact masses. For each kind of springs, it starts from stiffness
+    multiplied by one wrong factor, and damping multiplied by another. Rest lengths are fitted, too.
 
     seconds: limit of the fit's processor time [s]
     """

@@ -20,7 +20,7 @@ from experiments.studies.zoo.case import Case, NotIdentifiedError, assumed, iden
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
 FLAT = 1e-3
-"""Extent of a body in a direction, relative to its largest extent, up to which it counts as flat in this direction."""
+"""A body counts as flat in a direction if its extent in it is at most this share of the largest extent."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
@@ -39,7 +39,7 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Positions of hidden nodes by a spline through marks and fixed nodes [m], (n_frames, n_hidden, dim).
+    """Positions of hidden nodes [m], (n_frames, n_hidden, dim), from a spline through marks and fixed nodes.
 
     If the nodes are in a line, the spline is cubic along the line. Otherwise a thin-plate spline interpolates the
     displacements from the network's initial positions.
@@ -61,7 +61,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Matrix, (n_wanted, n_known), by which a thin-plate spline maps data at points `known` to points `wanted`."""
+    """Weights, (n_wanted, n_known), of data at the points `known` in a thin-plate spline at the points `wanted`."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]
@@ -110,13 +110,13 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """The result of `run` for a case from `run_study`, which passes cases as mappings from names to values."""
+    """The result of `run`; case: the fields of a `Case` by name."""
     return run(Case.from_json(case))
 
 
 @cache
 def compile_kernels() -> None:
-    """Identify and filter two small bodies, once in each process, to load compiled code before runs are timed."""
+    """Compile the code of identification and filter before runs are timed. Only the first call in a process acts."""
     for name in ("chain2", "phantom"):
         case = Case(name, 0, "identified", length_s=KERNELS_S)
         model = identified(case.motion, case, np.random.default_rng(0), seconds=np.inf)

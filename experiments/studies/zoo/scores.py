@@ -16,7 +16,7 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""TRACKING is wrong if an error exceeds both bounds: the first in standard deviations, the second in body sizes."""
+"""The status TRACKING is wrong if an error exceeds both SIGMAS standard deviations and SHARE_OF_SIZE body sizes."""
 
 
 @dataclass(slots=True, eq=False)
@@ -26,7 +26,7 @@ class Followed:
     means: positions of hidden points [m], (n_frames, n_hidden, dim)
     covs: covariances of these positions [m²], (n_frames, n_hidden, dim, dim)
     status: status of each frame; seconds: the filter's processor time [s]
-    repairs: number of the filter's numerical repairs, by kind; failure: why the run ended early, empty if it did not
+    repairs: number of numerical repairs by kind; failure: why the run ended early, empty if it used all frames
     """
 
     means: Floats
@@ -80,7 +80,7 @@ def followed(
 
 
 def mean_distance(places: Floats, truth: Floats) -> float:
-    """Mean distance of positions from true positions [m], (..., dim) each; infinite if a position is not finite."""
+    """Mean distance between positions and true positions [m], both (..., dim); infinite if a position is not finite."""
     if not np.isfinite(places).all():
         return float("inf")
     return float(np.linalg.norm(places - truth, axis=-1).mean())

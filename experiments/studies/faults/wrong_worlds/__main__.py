@@ -5,9 +5,9 @@
 
 SciPy's DOP853 computes the true motion of a body under short forces and a breath. A simulated tracker measures its
 marks. A live session with a scripted clock estimates the target and gives advice at every frame. In each row of the
-table, the truth differs from the scene file in one property. If the scene file does not state a property, the filter
-uses the default. The study counts displays of GO, and displays of GO with a wrong estimate. An estimate is wrong if its
-error exceeds 1 mm and the truth is outside its 99.9 % region. Latest figures: docs/faults.md.
+table, the truth differs from the scene file in one property. For properties that the scene file does not state, such as
+uncertainties, the filter uses defaults. The study counts displays of GO, and displays of GO with a wrong estimate. An
+estimate is wrong if its error exceeds 1 mm and the truth is outside its 99.9 % region. Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations
@@ -26,19 +26,18 @@ from experiments.studies.faults.wrong_worlds.simulated import BODIES
 from experiments.studies.grid import chosen, command, grid, kept_runs, publish, seeds_of, study_options
 
 MOST = 0.005
-"""Largest permitted share of wrong estimates in displays of GO; a requirement."""
+"""Largest permitted share of the displays of GO whose estimate is wrong; a requirement."""
 
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Bounds for worlds that get no row: largest median error [mm], equal to the noise of the marks, and least coverage
-[%]; choice."""
+"""Largest median error [mm] and least coverage [%] of worlds that get no row; choice. The noise of marks is 1 mm."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each of `WORLDS` and each body, with sums over seeds; error_mm: median over seeds."""
+    """A row for each body in each of `WORLDS`. Counts are sums over seeds; error_mm: median over seeds."""
     rows = []
     for (world, body), own in runs.groupby(["world", "body"], sort=False):
         sums = own[SUMS].sum()
@@ -50,9 +49,9 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """Table with a row for each of `WORLDS`. A row is bold if the share of wrong GO exceeds `MOST` for any body.
+    """Table with a row for each of `WORLDS`. If the share of wrong GO exceeds `MOST` for any body, the row is bold.
 
-    A world within the bounds `HARMLESS` has no row. A line below the table lists these worlds.
+    Worlds without wrong GO and within the bounds `HARMLESS` have no row. A line below the table lists these worlds.
     """
     lines, harmless = [], []
     for world in WORLDS:

@@ -1,4 +1,4 @@
-"""Rows of the table. In each row, the truth differs from the scene file in one property."""
+"""Rows of the study's table. In each row, the truth differs from the scene file in one property."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ WEIGHT = 9.81
 class World:
     """A row of the table: the true body, the tracker's frames, and the scene file that the filter gets.
 
-    onset_s: time from which the truth differs from the scene file, and from which the display is evaluated [s]
+    onset_s: time [s] from which the truth differs from the scene file and the display is evaluated; 0: from the start
     truth: the true body and the forces on it; seen: function that changes the tracker's frames
     scene: function that changes the scene file; target: keys that are added to the table `[target]` of the scene file
-    sd_m: standard deviation of the marks that the tracker states [m]
+    sd_m: standard deviation of a mark, as stated by the tracker [m]
     reference: whether the scene file has marks on the fixed nodes, which reveal a motion of the camera
     """
 
@@ -55,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """Displace all marks, or one mark, in a random direction; by: displacements [m] at times since ONSET_S [s]."""
+    """Displace all marks, or one mark, in a random direction; by: function from times since ONSET_S to lengths [m]."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -68,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """Rotate all marks about the body's centre from ONSET_S on; the axis of a body in space is random."""
+    """Rotate all marks about the body's centre by 2 degrees, from ONSET_S on; in space, the rotation axis is random."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -119,7 +119,7 @@ Factor = float | Callable[[Scene], Floats]
 
 
 def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
-    """The network after its constants are multiplied by `factors`, one for each kind of constant."""
+    """The scene's network with multiplied constants; factors: factor by kind of constant."""
     own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
     return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 
@@ -165,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with 30 % of the stiffness and damping of the target's springs, and with an unchanged rest shape."""
+    """The network with an unchanged rest shape, but only 30 % of stiffness and damping in the target's springs."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with a displaced rest position of the target, in a random direction that permits equilibrium."""
+        """The body with a displaced target. The direction is random; the rest lengths keep the body in equilibrium."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with ten times the drag. A node without drag gets one that would stop its mass within about 0.1 s."""
+    """The network with ten times the drag. Nodes without drag get a drag whose time constant is 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 

@@ -1,4 +1,4 @@
-"""One run: a live session on marks of a body that differs from the scene file, and the evaluation of its display."""
+"""One run: a live session tracks the marks of a body that differs from the scene file. Its display is evaluated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from experiments.studies.faults.wrong_worlds.simulated import (
 REFUSED = "refused"
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""Hue [degrees] and diameter [mm] of marks on fixed nodes, in a scene with cameras; no other mark has this hue."""
+"""Hue [degrees] and diameter [mm] of the marks on fixed nodes, if the scene has cameras. No other mark has this hue."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def _plain(text: str) -> str:
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
-    """What a live run displays; folder: folder of its tables. Raises InputError if the scene file is refused."""
+    """What a live run displays; folder: folder for the run's files. Raises InputError if the scene file is refused."""
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
     stated = usable_scene(path)
@@ -76,7 +76,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """Text of the scene file that the filter gets in this row of the table."""
+    """Text of the scene file that the filter gets; scene: the true scene."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -93,10 +93,11 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """Figures of a run from its displays.
 
-    frames, tracking: number of frames, and of frames with the status TRACKING
-    tracking_wrong, covered: number of TRACKING frames with a wrong estimate, and with the truth in the 95 % region
-    go, go_wrong: number of displays of GO, and of displays of GO with a wrong estimate
-    error_mm: median error of TRACKING frames [mm]; shown: the text displayed most often
+    frames: number of frames; tracking: number of frames with the status TRACKING
+    tracking_wrong: number of these frames with a wrong estimate
+    covered: number of these frames with the truth in the 95 % region; error_mm: their median error [mm]
+    go: number of displays of GO; go_wrong: number of displays of GO with a wrong estimate
+    shown: the text displayed most often
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]

@@ -1,4 +1,4 @@
-"""True bodies of the study, their motion by SciPy's DOP853, and the text that a tracker of their marks sends."""
+"""True bodies of the study, their motion by SciPy's DOP853, and a tracker that sends the positions of marks as text."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
 """Function that returns the true network of a scene."""
 
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
-"""Direction of a second breath, by dimension; the first breath's direction is upward."""
+"""Direction of the second breath, by dimension of the body. The first breath acts upwards."""
 
 
 TURNS_S = 4.0
@@ -74,7 +74,7 @@ TURNS_S = 4.0
 class Pushes:
     """Forces on the body.
 
-    pokes_m_s2, breath_m_s2: accelerations of marked nodes by short forces (pokes) and by a breath; 0 means none
+    pokes_m_s2: acceleration of marked nodes by short forces (pokes) [m/s²]; breath_m_s2: by a breath; 0 for none
     everywhere: whether the breath accelerates all free nodes; hidden: whether pokes also act on the target
     turned_deg: angle by which gravity turns in 2 s
     second: whether a second breath acts, with another period and another direction
@@ -95,7 +95,7 @@ PUSHES = Pushes()
 class Truth:
     """The true body and the forces on it.
 
-    network: function that returns the true network of a scene; becomes: function that changes it at onset_s [s]
+    network: function that returns the true network; becomes: function that changes the true network at onset_s [s]
     """
 
     network: Changes = lambda scene, _rng: scene.network
@@ -142,7 +142,7 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
 
 
 def _posture(gravity: Floats, turned_deg: float) -> Posture:
-    """A rotation of gravity by this angle [degrees], from the axis of gravity towards the next coordinate axis."""
+    """A rotation of gravity by turned_deg [degrees], from the axis of gravity towards the next coordinate axis."""
     angle = np.radians(turned_deg)
     to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
     return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
@@ -225,7 +225,7 @@ class ScriptedMarks(LiveMarks):
 
     @property
     def ended(self) -> bool:
-        """Whether all lines have arrived, and `next` has found no further frame."""
+        """Whether all lines have arrived, and the last call of `next` has found no frame."""
         return self._at_end or super().ended
 
     def next(self, timeout_s: float) -> MarksFrame | None:
