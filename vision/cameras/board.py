@@ -19,8 +19,8 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Side of a square in the smaller picture in which a larger board is searched [px]; choice: corners are still
-detectable there."""
+"""Side of a square in the reduced picture in which `larger_board` searches [px]; choice: at this size, corners are
+still detectable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """The board with one more column or one more row, if the picture shows such a board; otherwise None.
+    """The board with one more column or one more row, if the picture shows this larger board; otherwise None.
 
     image: (height, width); to save time, only the part near the detected corners is searched
     """
@@ -135,7 +135,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """Corners in the order of the board. If necessary, the grid is mirrored or turned by 180 degrees."""
+    """Mirror or turn the grid of corners, so that the corners have the order of `Board.corners_m`."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

@@ -24,7 +24,7 @@ class CalibrationError(ValueError):
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J at which its inverse is accurate. J is the Jacobian with normalised columns."""
+"""Largest accepted condition number of J'J. J is the Jacobian with normalised columns."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -51,9 +51,9 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """The setup after a step (n,). The board with index `plane` does not move.
+        """The setup after a change of its parameters. The board with index `plane` does not move.
 
-        The step contains the changes of the parameters of all cameras, then of all other boards.
+        step: changes of the 15 parameters of each camera, then of the 6 parameters of each board except `plane`, (n,)
         """
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
@@ -74,7 +74,7 @@ class Adjusted:
 
     setup: fitted cameras and boards
     residuals_px: detected minus expected corners of each sighting [px], each (n, 2)
-    cov: covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras); the boards are marginalised.
+    cov: marginal covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras).
         The parameters of a camera are fx fy cx cy k1 k2 p1 p2 k3, a small rotation, applied from the left [rad], and a
         translation [m].
     """
@@ -88,8 +88,8 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
     """Least-squares fit of lenses, poses of cameras and poses of boards.
 
     plane: index of the board that defines the world; its pose is fixed
-    sds_px: standard deviation of each camera's corners [px]. Only their ratios matter: the residuals determine the
-        scale.
+    sds_px: standard deviation of the corners of each camera [px]. Only the ratios of these values matter, because the
+        residuals scale the covariance of the result.
 
     Raises CalibrationError if the corners do not determine the parameters.
     """
@@ -125,7 +125,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of projections, (n, 2, 3) [px/m], with respect to world points, (n, 3) [m], along camera axes."""
+    """Derivatives of the projections of world points [m], (n, 3), along the camera axes [px/m], (n, 2, 3)."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -145,7 +145,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals with respect to a small step of `Setup.moved`."""
+    """Derivatives of the weighted residuals with respect to the parameter step of `Setup.moved`, at step 0."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []
@@ -170,13 +170,13 @@ def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[flo
 
 
 def _rotations(n_cameras: int, n_boards: int) -> list[int]:
-    """For each small rotation, the index of its first component among all parameters."""
+    """Index of the first component of each rotation in the parameter step of `Setup.moved`."""
     cameras = [N_CAMERA * c + N_LENS for c in range(n_cameras)]
     return cameras + [N_CAMERA * n_cameras + N_BOARD * b for b in range(n_boards - 1)]
 
 
 def _cross(vectors: Floats) -> Floats:
-    """Cross-product matrices of vectors v, (n, 3, 3). Such a matrix times x is v cross x."""
+    """The cross-product matrix of each of n vectors, (n, 3, 3). The matrix of v times x is v cross x."""
     x, y, z = vectors.T
     o = np.zeros(len(vectors))
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
@@ -192,7 +192,7 @@ def _left_jacobian(turn: Floats) -> Floats:
 
 
 def _inverse_of_square(J: Floats) -> Floats:
-    """The inverse of J'J, computed with normalised columns."""
+    """The inverse of J'J. The columns of J are normalised before the inversion."""
     lengths = np.linalg.norm(J, axis=0)
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise CalibrationError(f"pictures: expected views that determine the camera, found none that do; {TILT}")

@@ -48,9 +48,10 @@ class Calibration:
     pose: pose from world axes to camera axes
     uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px],
         k1 k2 p1 p2 k3, a small rotation in camera axes, applied from the left [rad], and a translation [m]. Each row is
-        an independent error of one standard deviation. Cameras that were calibrated jointly share the error of row i.
-    images_used: names of the used pictures; images_left_out: "name: reason" of each omitted picture
-    views: pose from board axes to camera axes, for each used picture
+        an independent error of one standard deviation. If cameras were calibrated jointly, the same row of their
+        matrices belongs to the same error.
+    images_used: names of the used pictures; images_left_out: name and reason of each other picture, as "name: reason"
+    views: for each used picture, the pose from board axes to camera axes
     seen_px: detected corners of each used picture [px], each (n, 2)
     residuals_px: detected minus expected corners of each used picture [px], each (n, 2)
     """
@@ -164,7 +165,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Rotation of the world axes about z by quarter turns. After it, x points nearly to the right in the picture."""
+    """Quarter turns about z from new to old world axes. In the picture, the new x axis points nearly to the right."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
@@ -172,7 +173,7 @@ def upright(camera: Pose) -> Pose:
 
 
 def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
-    """Raise CalibrationError if fx or fy is too uncertain; cov: covariance that begins with fx and fy [px²], (n, n)."""
+    """Raise CalibrationError if fx or fy is too uncertain. cov: covariance of fx, fy and further parameters, (n, n)."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
     most = settings.largest_focal_sd
     if not share < most:

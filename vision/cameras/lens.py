@@ -29,11 +29,11 @@ class Pose:
         return Pose(self.rotation @ first.rotation, self.rotation @ first.translation_m + self.translation_m)
 
     def inverse(self) -> Pose:
-        """The inverse motion."""
+        """The inverse of this motion."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """The pose after a step (6,): a rotation vector [rad], applied from the left, then an added translation [m]."""
+        """A changed pose. step: rotation vector [rad], applied from the left, and shift of translation_m [m], (6,)."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
@@ -55,7 +55,7 @@ class Lens:
         object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
-        """The lens after a change of fx fy cx cy k1 k2 p1 p2 k3, (9,)."""
+        """The lens with changed parameters. step: changes of fx fy cx cy [px] and of k1 k2 p1 p2 k3 [1], (9,)."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()
@@ -91,7 +91,7 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivatives of the projections of points [m], (n, 3), with respect to lens and pose [px], (n, 2, 15).
+    """Derivatives of the projections [px] of points [m], (n, 3), with respect to lens and pose, (n, 2, 15).
 
     The 15 parameters are in the order of the columns of `Calibration.uncertainty`.
     """

@@ -30,8 +30,8 @@ class PlaneCamera:
     calibration_sd_px: standard deviation, on each axis, of a position error that is independent between marks [px]
     lens: lens whose distortion acts after the homography; None: no distortion
     calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
-    scale_sd: relative standard deviation of the scale in millimetres per pixel, an error that all marks share [1];
-        None: not stated
+    scale_sd: relative standard deviation of the scale in millimetres per pixel [1]; None: not stated. All marks share
+        the error of the scale.
 
     Raises ValueError that names the invalid field.
     """
@@ -81,7 +81,7 @@ class PlaneCamera:
             object.__setattr__(self, key, value)
 
     def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
-        """Camera for other plane axes. A point x in these axes is the point R x + t in the present axes.
+        """The same camera with new plane axes. The point x in the new axes is the point R x + t in the present axes.
 
         rotation: R, (2, 2); translation_m: t [m], (2,)
         """
@@ -98,12 +98,12 @@ class PlaneCamera:
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
-        """Covariances on the plane [m²], (n, 2, 2), from positions [px], (n, 2), and covariances [px²], (n, 2, 2)."""
+        """Map covariances at positions in the picture [px], (n, 2), from picture [px²] to plane [m²], (n, 2, 2)."""
         J = self._seen_from(points_px)[1]
         return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def cov_to_px(self, points_m: ArrayLike, covs_m: ArrayLike) -> Floats:
-        """Covariances in the picture [px²], (n, 2, 2), from points [m], (n, 2), and covariances [m²], (n, 2, 2)."""
+        """Map covariances at points on the plane [m], (n, 2), from plane [m²] to picture [px²], (n, 2, 2)."""
         J = self._seen(points_m)[1]
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
@@ -113,22 +113,22 @@ class PlaneCamera:
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
     def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """Shape of the image of a disc on the plane [px], (2, 2), as in `Outline.shape_px`."""
+        """Shape of a disc's image [px], (2, 2), as in `Outline.shape_px`. The disc lies on the plane."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """Shape of the image of a ball about a point of the plane [px], (2, 2), as in `Outline.shape_px`.
+        """Shape of a ball's image [px], (2, 2), as in `Outline.shape_px`. The ball's centre lies on the plane.
 
-        The image is assumed to be a circle. Its scale is the largest singular value of the projection's Jacobian,
-        because a ball is not foreshortened.
+        The image is assumed to be a circle. The radius of the circle is the ball's radius times the largest singular
+        value of the projection's Jacobian, because the tilt of the plane does not foreshorten a ball.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Distance from the image of a disc's centre to the centre of the disc's image, along u and v [px], (n, 2).
+        """Centre of each disc's image minus the image of the disc's centre [px], (n, 2).
 
-        Perspective and lens distortion cause this distance.
+        Perspective and lens distortion cause this difference.
         points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
@@ -151,7 +151,7 @@ class PlaneCamera:
 
     @property
     def pose(self) -> Pose:
-        """Pose from plane axes to camera axes, with the plane at z = 0; raises ValueError without a lens."""
+        """Pose from plane axes to camera axes. The plane is z = 0. Raises ValueError for a camera without a lens."""
         if self.lens is None:
             raise ValueError(f"camera {self.name}: expected a lens, found none")
         # H = s K [r1 r2 t]: columns of a rotation have length 1
@@ -160,7 +160,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """Shifts, (n, 2, n_calibration) [m], of points on the plane, (n, 2) [m], due to each calibration error."""
+        """Shift of each point of the plane [m], (n, 2), due to each calibration error [m], (n, 2, n_calibration)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         by_lens = self._lens_error(p)
         if not self.scale_sd:
@@ -183,7 +183,7 @@ class PlaneCamera:
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 
     def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Pixel positions [px], (n, 2), of points that lie on the plane, and their Jacobians [px/m], (n, 2, 2)."""
+        """Positions in the picture [px], (n, 2), of points on the plane, and Jacobians of the map [px/m], (n, 2, 2)."""
         ideal, J = self._mapped(self.plane_to_px, points_m)
         if self.lens is None:
             return ideal, J
@@ -199,7 +199,7 @@ class PlaneCamera:
         return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
 
     def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Points mapped by a homography, (n, 2), and the Jacobian of the map at each point, (n, 2, 2)."""
+        """Map points by a homography. Returns the mapped points, (n, 2), and the Jacobian at each point, (n, 2, 2)."""
         p = np.asarray(points, dtype=float).reshape(-1, 2)
         q = p @ homography[:, :2].T + homography[:, 2]
         w = q[:, 2:]
@@ -230,7 +230,10 @@ def fronto_parallel_camera(
     *,
     calibration_sd_px: float = 0.0,
 ) -> PlaneCamera:
-    """A camera perpendicular to the plane; mm_per_px: width, height of a pixel; centre_m: point at mid-picture [m]."""
+    """A camera whose optical axis is perpendicular to the plane.
+
+    mm_per_px: width and height of a pixel on the plane [mm]; centre_m: point of the plane at mid-picture [m]
+    """
     if not min(mm_per_px) > 0:
         raise ValueError(f"camera {name} mm_per_px: expected more than 0, found {mm_per_px}")
     across, down = 1e3 / mm_per_px[0], 1e3 / mm_per_px[1]

@@ -19,7 +19,7 @@ RADII = np.linspace(0.02, 4.0, 200)
 """Distances from mid-picture [half diagonals] at which a lens model is tested for being one-to-one; numerical."""
 
 FAR_PX = 1e6
-"""Distance from mid-picture beyond which no picture extends [px]; numerical: polynomials do not overflow there."""
+"""Largest distance from mid-picture at which distortion is computed [px]; numerical: beyond it, values may overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class SpaceCamera:
         return self.pose.inverse().translation_m
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projections to the picture [px], (n, 2), of points [m], (n, 3); ValueError for a point behind the camera.
+        """Project points [m], (n, 3), to the picture [px], (n, 2). Raises ValueError for a point behind the camera.
 
         The projection is valid only for points that are `in_view`: far outside the picture, the lens model may be
         wrong.
@@ -92,7 +92,7 @@ class SpaceCamera:
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Whether points [m], (n, 3), are `in_view`, (n,), and the results of `seen`, NaN behind the camera."""
+        """Results of `in_view`, (n,), and of `seen` for points [m], (n, 3). Behind the camera, `seen` gives NaN."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -100,16 +100,16 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """Shape of a disc's image, as `Outline.shape_px`, (2, 2) [px]; point_m: centre [m], (3,); normal: (3,)."""
+        """Shape of a disc's image [px], (2, 2), as `Outline.shape_px`. point_m: disc centre [m], (3,); normal: (3,)."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """Shape of a ball's image, as `Outline.shape_px`, (2, 2) [px]; point_m: centre [m], (3,)."""
+        """Shape of a ball's image [px], (2, 2), as `Outline.shape_px`. point_m: ball centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shifts of projections, (n, 2, k) [px], due to each of k small errors of lens and pose.
+        """Shifts of each projection [px], (n, 2, k): one shift for each of k small errors of lens and pose.
 
         points_m: the projected points [m], (n, 3); steps: the errors, (k, 15), as in `Calibration.uncertainty`
         """
@@ -117,7 +117,7 @@ class SpaceCamera:
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
     def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
-        """The results of `seen`, from ideal positions [px], (n, 2), and depths [m], (n,)."""
+        """Compute the results of `seen` from ideal positions [px], (n, 2), and depths [m], (n,)."""
         focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
         ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
         # u = f x / z + c: du = f (dx - (x / z) dz) / z
@@ -135,7 +135,7 @@ class SpaceCamera:
 
 @lru_cache(maxsize=16)
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
-    """Distance from the principal point within which the lens model is one-to-one [px]."""
+    """Radius of the circle about the principal point in which the lens model is one-to-one [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]

@@ -22,8 +22,8 @@ SETTLED_M = 1e-6
 """Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Largest root mean square shift of projections by all omitted calibration errors together [px]; choice: a tenth of the
-error of a good mark. Such a shift adds a hundredth to the variance of the mark's error."""
+"""Largest rms shift of the projections that all omitted calibration errors cause together [px]; choice: a tenth of the
+error of a well visible mark. The omitted errors then add a hundredth to the variance of this error."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -34,7 +34,7 @@ class Seen:
     """Positions of points in the picture of one camera.
 
     which: indices of the m points that the camera sees, each at most once, (m,)
-    places_px, covs_px2: positions of these points in the picture [px], (m, 2), and covariances [px²], (m, 2, 2)
+    places_px, covs_px2: positions of these points in the picture [px], (m, 2), and their covariances [px²], (m, 2, 2)
     steps: independent errors of the camera's lens and pose, each of one standard deviation, (n_shared, 15), as in
         `calibration_steps`
     """
@@ -53,8 +53,9 @@ class Triangulated:
     positions: positions [m], (n, 3)
     covs: covariances of the positions, without calibration errors [m²], (n, 3, 3)
     shared: shift of each position due to each calibration error [m], (n, 3, n_shared)
-    misfit: sum of the squared normalised residuals of each point in the pictures, (n,), after a fit of the calibration
-        errors. If n_views > 1, misfit has a chi-square distribution with 2 n_views - 3 degrees of freedom.
+    misfit: for each point, the sum of the squared normalised residuals in all pictures, (n,), minimised over position
+        and calibration errors. If n_views > 1, misfit has a chi-square distribution with 2 n_views - 3 degrees of
+        freedom.
     n_views: number of cameras that see each point, (n,)
     """
 
@@ -66,7 +67,7 @@ class Triangulated:
 
 
 def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
-    """The point [m], (3,), with the least sum of squared distances from two or more rays.
+    """The point with the least sum of squared distances from two or more rays [m], (3,).
 
     origins_m: a point on each ray [m], (n, 3); directions: unit vectors, (n, 3). Raises ValueError for parallel rays.
     """
@@ -79,7 +80,7 @@ def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
 
 
 def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) -> Floats:
-    """The point [m], (3,), nearest to the rays through its positions in two or more pictures [px], (n_cameras, 2)."""
+    """Position of a point [m], (3,), by `nearest_to_rays`; places_px: point in each picture [px], (n_cameras, 2)."""
     rays = [camera.ray(place) for camera, place in zip(cameras, np.asarray(places_px), strict=True)]
     return nearest_to_rays([origin for origin, _ in rays], [ways[0] for _, ways in rays])
 
@@ -87,9 +88,9 @@ def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) ->
 def triangulated(
     cameras: Sequence[SpaceCamera], places_px: ArrayLike, covs_px2: ArrayLike, steps: Sequence[Floats] | None = None
 ) -> Triangulated:
-    """Triangulate one point that two or more cameras see. The first axis of each array in the result has length 1.
+    """Triangulate one point that two or more cameras see. Each array in the result has one row.
 
-    places_px, covs_px2: positions of the point in the pictures [px], (n, 2), and covariances [px²], (n, 2, 2)
+    places_px, covs_px2: positions of the point in the pictures [px], (n, 2), and their covariances [px²], (n, 2, 2)
     steps: calibration errors of each camera, as in `Seen`; default: `calibration_steps`
     """
     places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
@@ -99,9 +100,9 @@ def triangulated(
 
 
 def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.inf) -> Triangulated:
-    """Triangulate all points at once by Gauss-Newton.
+    """Triangulate several points by Gauss-Newton steps.
 
-    start_m: initial positions, also used as a further measurement of each point [m], (n, 3)
+    start_m: initial positions of the points [m], (n, 3). Each is also a measurement of the point.
     start_sd_m: standard deviation of start_m on each axis [m]. A good value is the size of the body: then start_m
         hardly affects a point that two cameras see. If only one camera sees a point, the point's error along the
         camera's ray is about start_sd_m.
@@ -153,9 +154,9 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
-    Row i of all arrays belongs to one independent error. If this error does not affect a camera, the camera's row i is
-    zero. If the calibrations of several cameras have the same number of rows, and this number exceeds 15, these
-    cameras are assumed to share their errors.
+    The same row of all arrays belongs to the same independent error. If this error does not affect a camera, the row of
+    this camera is zero. If the calibrations of several cameras have the same number of rows, and this number exceeds
+    15, these cameras are assumed to share their errors.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -175,12 +176,12 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 
 
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
-    """Principal components of the calibration errors of several cameras, in the form of `calibration_steps`.
+    """Principal components of the calibration errors of several cameras.
 
-    They are sorted by their effect on the projections of points.
-
+    The result has one array (n_shared, 15) for each camera, like the result of `calibration_steps`. The components are
+    sorted by their effect on the projections of points.
     points_m: the points [m], (n, 3)
-    least_px: the smallest components are omitted if together they shift projections by at most this rms distance [px]
+    least_px: largest rms shift of the projections that all omitted components cause together [px]
     """
     steps = calibration_steps(cameras)
     if not any(len(own) for own in steps):

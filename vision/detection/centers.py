@@ -25,9 +25,9 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 class Component:
     """Connected pixels that may be a mark.
 
-    corner_px: position of the patch in the picture, (2,); patch: the pixels and their surroundings, (h, w, 3) BGR
+    corner_px: position of the patch in the searched part, (2,); patch: pixels and surroundings, (h, w, 3) BGR
     component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of the same class, else 0, (h, w)
-    reach_px: longer side of the box around the connected pixels; clipped: whether this box touches the picture's border
+    reach_px: longer side of the box around the pixels; clipped: whether the box touches the searched part's border
     """
 
     corner_px: Floats
@@ -51,7 +51,7 @@ class Center:
 def centers_of(
     piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
 ) -> list[Center]:
-    """Centres of the marks in a component: of one mark, of several touching marks, or none.
+    """Centres of the marks in a component. A component may be one mark, several touching marks, or no mark.
 
     expected_px: expected positions of marks that lie on the component, relative to the patch's corner [px], each (2,)
     """
@@ -60,13 +60,13 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factor on the covariance of an outline's centre; noise_sd: noise relative to the mark's contrast."""
+    """Factor on the covariance of an outline's centre, 1 or more. noise_sd: noise relative to the mark's contrast."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """Centre of a mark's outline, if it agrees with the centre of the covered area; otherwise None."""
+    """Centre of a mark's outline, if this centre agrees with the centre of the covered area; otherwise None."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -104,7 +104,7 @@ def _by_outline(
 
 
 def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
-    """Centre of a mark from its rim; None without a rim. circles: starts of the fit, as in `fit_rim`."""
+    """Centre of a mark from its rim; None if no rim is found. circles: the parameter starts of `fit_rim`."""
     limits = settings.rim
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
@@ -116,7 +116,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """For each of several touching marks, a point inside the mark, (n, 2)."""
+    """Points inside touching marks, one point in each mark [px], (n, 2)."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)
@@ -136,7 +136,7 @@ def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Covariance that motion adds to the positions of a component's pixels [px²], (2, 2)."""
+    """Increase of the second moments of a component's pixels due to motion [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # The spread of a disc is a quarter of its squared radius along each axis. Blur of the edge increases it.

@@ -1,7 +1,7 @@
 """Detection of marks by hue, with sub-pixel centres from the share of each pixel that the mark covers.
 
 A mark covers the share alpha of a pixel at its edge; the background fills the rest. If both colours are known, alpha is
-a linear function of the pixel's colour. The mark's centre is the centre of gravity of alpha, which needs no threshold.
+a linear function of the pixel's colour. The mark's centre is the centre of gravity of alpha. No threshold is needed.
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 """
 
@@ -25,8 +25,8 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
 """A circle of at least this area [px] covers a whole block of 2 x 2 pixels at any position; source: geometry. Blocks
-begin at even coordinates. The middle of the nearest block is at most sqrt(2) px from the circle's centre, and the
-corners of the block are at most sqrt(2) px farther."""
+begin at even coordinates. The circle's centre is at most sqrt(2) px from the middle of the nearest block. Each corner
+of this block is sqrt(2) px from its middle."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -49,8 +49,8 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the searched part [px]; None: the whole frame
-    outlines: outlines of completely visible marks: one for all marks, or one for each expected mark. They are needed to
-        find the centres of partly covered marks.
+    outlines: outline of a completely visible mark: one for all marks, or one for each expected mark. Without outlines,
+        the centre of a partly covered mark cannot be found.
     expected_px: expected positions of marks, (n, 2); they help to separate touching marks and to select an outline
     expected_hues: hues of the expected marks; empty if all marks have one hue
     rejected: list to which rejected groups of pixels are appended; None: not recorded
@@ -120,7 +120,8 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 class _Search:
     """Inputs of `detect_marks` for part of a frame.
 
-    part: the pixels; classes: colour class of each pixel after the part is shrunk by the factor scale
+    part: this part of the frame; scale: factor by which the part is reduced before its pixels are classified
+    classes: colour class of each pixel of the reduced part
     starts_px: expected positions in the part, (n, 2); corner_px: position of the part's first pixel in the frame, (2,)
     hues_deg: parameter expected_hues of `detect_marks`
     """
@@ -139,7 +140,7 @@ class _Search:
     rejected: list[Rejected] | None
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
-        """The marks inside a contour of a colour class."""
+        """Detect the marks among the pixels inside a contour."""
         piece = self._piece(contour, number, hue_deg)
         if piece is None:
             return []
@@ -186,7 +187,7 @@ class _Search:
         return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
-        """Expected positions of marks that lie on a piece, relative to the corner of its patch [px], each (2,)."""
+        """The expected positions that lie on a component, relative to the corner of the patch [px], each (2,)."""
         height, width = piece.component.shape
         places = self.starts_px - piece.corner_px
         in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
@@ -242,7 +243,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """Record of a rejected piece. The given reason is replaced if the piece has the wrong size."""
+        """Record of a rejected component. If its size is wrong, SIZE or FEW_PIXELS replaces the given reason."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,9 +264,10 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels fill the whole area of an outline, scaled by any factor; False for too few pixels.
+    """Whether pixels have the shape of an outline, at any size; False if there are too few pixels to decide.
 
-    The second moments of a disc of area A about its centre sum to A² / (2 pi). Other shapes have a larger sum.
+    For a disc of area A, the sum of the two second moments about the centre is `A² / (2 pi)`. Other shapes have a
+    larger sum.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False
@@ -276,7 +278,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """The detections of all pieces of one hue. Fragments of one mark, for example behind a needle, are joined."""
+    """Join the detections of one hue that are fragments of one mark, for example on both sides of a needle."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []

@@ -45,7 +45,7 @@ def measure_coverage(
 
     patch: part of a picture around the mark, (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark's colour class, else 0, (h, w) uint8
-    others: 1 on pixels of other marks of the class, else 0, (h, w) uint8; these pixels are not used as background
+    others: 1 on pixels of other marks of the class, which are not background, else 0, (h, w) uint8
     thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
     """
     grow = settings.grow_px + max(component.shape) // 16

@@ -17,8 +17,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
     frame_bgr: (height, width, 3) uint8; at_px: position of the mark u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture. Raises HueError if the pixels of one colour around the
-    position are too few, too many, or grey.
+    Raises ValueError for a position outside the picture. Raises HueError if too few or too many pixels
+    around the position have its colour, or if this colour is grey.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -54,10 +54,10 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
-    """Mask of the connected pixels around u, v that have the colour of pixel u, v: 1, else 0, (h, w).
+    """Mask of the pixels that have the colour of pixel u, v and are connected with it: 1, else 0, (h, w).
 
-    Otsu's threshold is applied to the distances between colours in a window and the colour of pixel u, v. Brightness is
-    ignored. The window grows until no pixel of the mask is on its border.
+    The distance of each colour from the colour of pixel u, v is computed without brightness. Otsu's threshold divides
+    the distances in a window around pixel u, v. The window grows until no pixel of the mask is on the window's border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

@@ -10,11 +10,11 @@ import numpy as np
 from numba import njit
 
 HUE_STEPS = 720
-"""Number of hue steps of half a degree; length of the table of classes."""
+"""Number of steps of half a degree on the hue circle. The table of classes has one entry for each step."""
 NARROW_PX = 12
 """Width of the border that is added around the pixels of a class, for the mark's edge and the background [px]."""
 ON_A_LINE = 1e-6
-"""Least determinant of the Gram matrix in a fit of the background, relative to the product of its diagonal."""
+"""Least determinant of the Gram matrix in a fit of the background, relative to the product of its diagonal elements."""
 ROUNDING = 1.0 / 12.0
 """Variance of the error of rounding to whole grey levels."""
 N_RAYS = 64
@@ -24,7 +24,7 @@ RAYS = np.column_stack(
 )
 """Directions of the rays as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Tolerance of a step, relative to the mark's half axes. After a step below the tolerance, one more step is made."""
+"""Step below which a fit has converged, relative to the mark's half axes. The fit ends after one more step."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -33,8 +33,8 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class number of each hue step, (HUE_STEPS,) uint8
-    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0 is the minimum of the others
-    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0 is the minimum of the others
+    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0: least value of all classes
+    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0: least of all classes
     """
     height, width = classes.shape
     for row in range(height):
@@ -75,7 +75,7 @@ def _inverse(m):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _grown(component, radius):  # type: ignore[no-untyped-def]
-    """The component dilated by a disc of this radius, with the pixels of OpenCV's discs."""
+    """The component dilated by a disc of this radius. The disc has the same pixels as OpenCV's disc."""
     height, width = component.shape
     half_widths = np.empty(2 * radius + 1, dtype=np.int64)
     for k in range(2 * radius + 1):
@@ -99,7 +99,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _median(counts, n):  # type: ignore[no-untyped-def]
-    """Twice the median of n whole numbers; counts: number of occurrences of each whole number."""
+    """Twice the median of n whole numbers, itself a whole number. counts: occurrences of each value from 0 on."""
     low, high, below = -1, -1, 0
     for value in range(len(counts)):
         below += counts[value]
@@ -113,7 +113,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
-    """Whether each colour, (n, 3) whole numbers, is close to the median colour, (n,)."""
+    """Whether each of n colours is close to the median colour, (n,). colors: whole numbers, (n, 3)."""
     n = len(colors)
     kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
     counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
@@ -136,8 +136,8 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
     """Linear model of the background's colour, fitted to background pixels.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
-    Returns whether the fit is determined, and three matrices (3, 3): the coefficients of 1, column and row; the inverse
-    Gram matrix; the noise covariance of the colours.
+    Returns whether the fit is determined, and three matrices (3, 3): for each channel, the coefficients of 1, column
+    and row; the inverse of the fit's Gram matrix; the covariance of the noise of the channels.
     """
     none = np.zeros((3, 3))
     height, width = behind.shape
@@ -205,7 +205,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _boxed(values, reach):  # type: ignore[no-untyped-def]
-    """Means over squares of the odd width `reach` around each pixel, (h, w); values outside the patch are 0."""
+    """Mean over a square around each pixel, (h, w). reach: odd width of the square. Values outside the patch are 0."""
     height, width = values.shape
     half = reach // 2
     across, boxed = np.empty((height, width)), np.empty((height, width))
@@ -233,10 +233,10 @@ def _boxed(values, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
-    """Sum of the noise's autocovariance over the lags in a square of width `reach`; at least the noise's variance.
+    """Variance of the mean of n noisy pixels, multiplied by n.
 
     weights: weight of each pixel's noise, (h, w); 0 for unused pixels
-    This sum divided by n is the variance of a mean of n pixels. For white noise, the sum equals the noise's variance.
+    The result is the sum of the noise's autocovariance over lags up to reach // 2, at least the variance of a pixel.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -276,7 +276,7 @@ def _smooth(alpha):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lanczos(fraction):  # type: ignore[no-untyped-def]
-    """Lanczos weights of the pixels -3 to 4, (8,), to interpolate at the position `fraction`, from 0 to 1."""
+    """Lanczos weights of pixels -3 to 4, (8,), to interpolate between pixels 0 and 1 at the position `fraction`."""
     weights = np.empty(8)
     for k in range(8):
         x = fraction - (k - 3)
@@ -286,9 +286,9 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half the difference between alpha and alpha rotated by 180 degrees about the centre, (h, w).
+    """Half the difference of alpha between each pixel and the pixel opposite about the centre, (h, w).
 
-    A mark is symmetric under this rotation. The difference therefore shows noise, compression and wear.
+    A mark has the same alpha in both pixels. The difference therefore shows noise, compression and wear.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -313,7 +313,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of pixels in the mask `solid`, their mean colour, (3,), and its difference from the background, (3,)."""
+    """Number of pixels in the mask `solid`, their mean colour, (3,), and this colour minus the background, (3,)."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -333,10 +333,10 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
-    """Alpha, (h, w): 1 in the mark's core, (pixel - background) @ weights in the rest of `near`, 0 elsewhere.
+    """Alpha, (h, w): 1 in the mark's core, `(pixel - background) @ weights` in the rest of `near`, 0 elsewhere.
 
-    Also returns the sums of alpha, alpha u and alpha v over all pixels, and the sums of 1, u, v, uu, uv and vv over the
-    pixels of `near` outside the core. u and v are column and row.
+    Let u be the column and v the row. Also returns the sums of alpha, alpha * u and alpha * v over all pixels, and the
+    sums of 1, u, v, u * u, u * v and v * v over the pixels of `near` outside the core.
     """
     by_b, by_g, by_r = weights
     constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
@@ -368,7 +368,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """Length of d center / d alpha = (position - center) / area at edge pixels, (h, w); 0 at other pixels."""
+    """Length of the centre's derivative by alpha, `(position - center) / area`, at edge pixels, (h, w); 0 elsewhere."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -381,7 +381,7 @@ def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
     """Covariance uu, uv, vv of the centre [px²].
 
-    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: from `_background`
+    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: inverse Gram matrix of `_background`
     variances: variance of alpha at the edge and in the background
     """
     (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
@@ -406,14 +406,14 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """Measure alpha, the share of each pixel that a mark covers. Returns validity, alpha, (h, w), and ten numbers.
+    """Measure alpha, the share of each pixel that a mark covers. Returns validity, alpha, (h, w), and ten other values.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8, as in `measure_coverage`
     grow: radius of the disc by which the component is dilated [px]
     settings: from `CoverageSettings.for_kernel`
     fit_pixels: largest number of pixels for the fit of the background
     thorough: as in `measure_coverage`
-    The ten numbers are the centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
+    The ten values are the centre u, v, the centre's covariance uu uv vv, area, noise of alpha, and colour b g r.
     """
     outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
     one = np.uint8(1)
@@ -461,7 +461,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Points at which alpha falls below 0.5, at most one on each ray, relative to start; number of points."""
+    """Points relative to start at which alpha falls below 0.5, at most one on each ray, and the number of points."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -502,7 +502,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The best circle (x, y, size) through three edge points: many points are on it, few are beyond it."""
+    """Circle (x, y, size) through three edge points with the best score: many points on it, few points beyond it."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -545,7 +545,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
     """Fit a circle to edge points by Tukey's robust least squares, beginning with the circle `start`.
 
     Returns the circle (x, y, size), the inverse normal matrix, (3, 3), the variance of an edge point, the power of
-    waves in the residuals, the share of rays with an edge point on the circle, and the share beyond the circle.
+    waves in the residuals, and the shares of rays with an edge point on the circle and beyond the circle.
     """
     n = len(edges)
     fit, inverse = start.copy(), np.zeros((3, 3))
@@ -609,10 +609,10 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit an outline to a mark's visible edge. Returns u, v, uu, uv, vv, share, beyond and size, as in `Fitted`.
+    """Fit an outline to a mark's visible edge. Returns centre u, v, covariance uu, uv, vv, share, beyond and size.
 
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: as in `Outline`
-    settings: from `OutlineSettings.for_kernel`
+    settings: from `OutlineSettings.for_kernel`; share, beyond, size: as in `Fitted`
     """
     near_px, correlation_px, _, _, min_share, whole_share, reach = settings
     fit = np.array([start[0], start[1], 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
@@ -647,7 +647,7 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
 def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
-    one, other: results of `covered` and `fitted`, which begin with the centre u, v and its covariance uu, uv, vv
+    one, other: arrays of numbers that begin with a centre u, v and the centre's covariance uu, uv, vv
     share: area of the mark, relative to the area of its outline; limits: from `CenterSettings.for_kernel`
     """
     min_area, max_area, variance, gate = limits
@@ -671,9 +671,10 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """The only large connected piece of a class. It must not touch the border, and other pieces must be negligible.
+    """Find the only large connected piece of a class.
 
-    Returns whether there is such a piece, its mask with filled holes, (h, w), and its first and last row and column.
+    Returns whether exactly one piece is large and it does not touch the border; the mask of this piece with filled
+    holes, (h, w); the first and last row and column of this piece.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -731,7 +732,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether a box has pixels of a class, and a smaller box around these pixels; only every fourth pixel is tested."""
+    """Whether a box has pixels of a class, and a smaller box around them. Only every fourth pixel is tested."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -749,7 +750,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """Whether a box has exactly one mark of a class, the left and top of its patch, and the results of `covered`."""
+    """Whether a box has exactly one mark of a class; left and top of its patch; the results of `covered`."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -775,7 +776,7 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """The one mark in each of n boxes: whether it was found and is completely visible, (n,), and numbers, (n, 11).
+    """Find one mark in each of n boxes. Returns whether a completely visible mark is found, (n,), and numbers, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
     classes: class of each mark, and least number of pixels of each mark, (n, 2)
@@ -783,7 +784,7 @@ def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits
     outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
     covering: border around a mark [px], and the parameters settings and fit_pixels of `covered`
     fitting: settings of `fitted`; limits: limits of `agreed`
-    The numbers are the centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
+    The numbers are the centre u, v, the centre's covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """
     (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)
     found, marks = np.zeros(n, dtype=np.bool_), np.zeros((n, 11))

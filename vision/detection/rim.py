@@ -23,7 +23,7 @@ N_STEPS = 3
 def fit_rim(
     patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline, settings: DetectionSettings = DETECTION
 ) -> Fitted | None:
-    """Fit an outline to steps of colour, from several starts. Returns the best fit; None if too few steps are on it.
+    """Fit an outline to steps of colour, from several starts. Returns the best fit; None if no fit has enough steps.
 
     patch_bgr: (h, w, 3)
     starts: initial values of the fit: centre u v in the patch [px], and size relative to the given outline, (n, 3)
@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """Strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y relative to start, and height [grey levels]."""
+    """Strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x and y from start [sizes], height [grey levels]."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
@@ -96,7 +96,7 @@ def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
-    """Fit a circle to steps. Returns score, circle (x, y, size), covariance of (x, y), share of used rays."""
+    """Fit a circle to colour steps. Returns score, circle (x, y, size), covariance of (x, y), share of used rays."""
     wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
     limit, narrowest = wide, narrow_px / scale

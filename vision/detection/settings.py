@@ -19,8 +19,8 @@ class CoverageSettings:
     core_px: distance from the component's edge to its core [px]; choice. The pixels of the core show only the mark.
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
-    edge_gain: ratio of alpha's variance at the mark's edge to the variance of half the difference between opposite
-        pixels [1]; choice: for white noise it would be 2
+    edge_gain: variance of alpha at the mark's edge, relative to the variance of half the difference of alpha between
+        two pixels that are opposite about the mark's centre [1]; choice. For white noise, this ratio is 2.
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -32,7 +32,7 @@ class CoverageSettings:
     floor_sd_px: float = 0.0025
 
     def for_kernel(self) -> tuple[float, ...]:
-        """The settings in the form of `kernels.covered`."""
+        """The settings as a tuple, as `kernels.covered` needs them."""
         return self.outlier_sds, self.grow_px, self.core_px, self.edge_gain, self.floor_sd_px**2
 
 
@@ -46,11 +46,10 @@ class OutlineSettings:
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
     highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice
     edge_sd_px: least standard deviation of an edge point [px]; choice
-    min_share: least share of rays with an edge point on the outline [1]; choice. It is also the least visible share of
-        the mark's area.
-    whole_share: least share of rays with an edge point on the outline for a mark that is not occluded [1]; choice. It
-        is also the least visible share of the mark's area. If a component is larger than the mark's area divided by
-        whole_share, it may be several touching marks.
+    min_share: least share of rays with an edge point on the outline, and least visible share of a mark's area [1];
+        choice
+    whole_share: the same least shares for a mark that is not occluded [1]; choice. A component may be several touching
+        marks if its area exceeds 1 / whole_share times the area of one mark.
     """
 
     reach: float = 2.0
@@ -62,7 +61,7 @@ class OutlineSettings:
     whole_share: float = 0.9
 
     def for_kernel(self) -> tuple[float, ...]:
-        """The settings in the form of `kernels.fitted`."""
+        """The settings as a tuple, as `kernels.fitted` needs them."""
         return (
             self.near_px,
             self.correlation_px,
@@ -83,12 +82,12 @@ class RimSettings:
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
     wide: largest distance of a step from the fitted outline in the first iteration [sizes]; choice
     narrow_px: largest distance of a step from the fitted outline in the last iteration [px]; choice
-    min_share: least share of rays with a step on the outline, for a mark that is not occluded [1]; choice. Each ray is
-        weighted by the contrast of its step.
+    min_share: least share of rays with a step on the outline, for a mark that is not occluded [1]; choice. A ray
+        counts more if its step has more contrast.
     min_share_alone: least share of rays with a step on the outline, for a mark that is detected by its rim alone [1];
         choice
-    smear_gain: added variance of the centre, relative to the variance that motion adds to the positions of the mark's
-        pixels [1]; choice
+    smear_gain: increase of the centre's variance due to motion, relative to the increase of the second moment of the
+        mark's pixels due to motion [1]; choice
     shading: added standard deviation of the centre of a completely visible shaded ball [sizes]; choice
     """
 
@@ -122,11 +121,11 @@ class ComponentSettings:
 class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
-    gate: largest squared Mahalanobis distance between two centres of a mark: the centre of the area that it covers, and
-        the centre of its outline [1]; source: chi-square, 2 dof, 99.9 %. It also limits the distance between rim and
-        expected position if a mark is detected by its rim alone.
+    gate: largest squared Mahalanobis distance between the centre of a mark's visible area and the centre of its outline
+        [1]; source: chi-square, 2 dof, 99.9 %. If a mark is detected by its rim alone, gate also limits the search
+        around the expected position.
     agree_sd_px: added standard deviation of the difference between two centres of a mark [px]; choice
-    min_area: least area of a component, relative to the mark's area [1]; choice. The largest area is 1 / min_area.
+    min_area: least area of a component, relative to the mark's area [1]; choice. The upper limit is 1 / min_area.
     grain_noise: noise, relative to contrast, above which errors along an outline are correlated [1]; choice
     grain_gain: largest relative increase of the covariance of an outline's centre due to correlated errors [1]; choice
     blurred: second moment of the pixels of a mark at rest, relative to the second moment of its outline [1]; choice
@@ -145,7 +144,7 @@ class CenterSettings:
         return 1.0 / self.min_area
 
     def for_kernel(self) -> tuple[float, ...]:
-        """The settings in the form of `kernels.agreed`."""
+        """The limits as a tuple, as `kernels.agreed` needs them."""
         return self.min_area, self.max_area, self.agree_sd_px**2, self.gate
 
 
@@ -164,9 +163,10 @@ class DetectionSettings:
 class HueLearningSettings:
     """Settings for learning the colour range of a kind of mark from one position in a picture.
 
-    window_px: half width of the first window around the position [px]; choice
+    window_px: half width of the first window around the position [px]; choice. The window grows for larger marks.
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest difference between colours of a mark, relative to the colour's distance from grey [1]; choice
+    max_distance: largest distance of a pixel's colour from the colour at the position, relative to the distance of the
+        latter colour from grey [1]; choice
     sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
     min_width_deg: least half width of a learned range [degrees]; choice. The largest half width is sds * min_width_deg.
     paler, darker: least saturation and least value of marks, relative to the 5th percentile of the saturation and of

@@ -66,7 +66,7 @@ class SourceOf(Protocol[F_co]):
         """Whether all frames have been delivered and no more will come."""
 
     def next(self, timeout_s: float) -> F_co | None:
-        """The next frame; None at the end, or if no frame comes within timeout_s [s]. Raises SourceError."""
+        """The next frame; None at the end, or after timeout_s [s]. Raises SourceError if the source fails."""
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """The events since the last call, in order."""
@@ -87,4 +87,4 @@ class Source(SourceOf[Frame], Protocol):
     """Protocol of a source that delivers single frames, in the order of their exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the source ends; faults do not stop the iteration. Raises SourceError."""
+        """Yield frames until the source ends. Faults do not stop the iteration. Raises SourceError as `next` does."""

@@ -39,7 +39,7 @@ class EveryFrame(Closing):
         return self._ended
 
     def next(self, timeout_s: float = 0.0) -> Frame | None:
-        """The next frame; None after the last frame. Raises SourceError."""
+        """The next frame; None after the last frame. Raises SourceError if the file is faulty."""
         frame = None if self._ended else next(self._coming, None)
         if frame is None:
             if not self._ended:
@@ -63,6 +63,6 @@ class EveryFrame(Closing):
         return events
 
     def close(self) -> None:
-        """Close the file; no further frame comes."""
+        """Close the file. After this call, `next` returns None."""
         self._ended = True
         self._frames.close()

@@ -1,7 +1,7 @@
 """Exposure times of frames: on the monotonic clock for devices, in the film's own time for films.
 
 The arrival time of a frame is the monotonic time at which grab() returned. A rule is a function that computes the
-exposure time of each frame, in order. When a source is reopened, it gets a new rule.
+exposure time of each frame, in order. A reopened source gets a new rule.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 
 
 class DeviceTimes:
-    """Rule for the exposure times of a device: half a frame interval before the frame was complete.
+    """Rule for the exposure times of a device.
 
-    Devices do not report how long exposure and read-out take. Half the median frame interval is assumed. The device
-    time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. At first, a frame is assumed to be
-    complete at its arrival time. After settled_frames plausible device times in a row, a frame is assumed to be
-    complete at its device time plus the least delay of the last remembered_frames frames. Device times are plausible
-    if they increase, and if the delays vary by at most clock_error_s.
+    Devices do not report how long exposure and read-out take. A frame is assumed to be exposed half the median frame
+    interval before it is complete. The device time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device
+    time. Device times are plausible if they increase, and if the delays vary by at most clock_error_s. At first, a
+    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, a frame
+    is assumed to be complete at its device time plus the least delay of the last remembered_frames frames.
 
-    late_s: increase of the delay [s], because frames wait in a queue or because the device's clock was set back; 0 for
-        an increase of at most settings.blocked_s
+    late_s: increase of the delay if the increase exceeds settings.blocked_s [s]; otherwise 0. The delay increases if
+        frames wait in a queue, or if the device's clock was set back.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -94,10 +94,10 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Rule for exposure times that increase. It calls the given rule while that rule's times increase.
+    """Rule that uses the exposure times of the given rule while they increase.
 
-    If the rule's times do not increase for settings.stuck_frames frames in a row, all later exposure times are arrival
-    times minus the delay of the last frame whose exposure time increased.
+    If they do not increase for settings.stuck_frames frames in a row, arrival times minus a constant delay are used
+    from then on. The delay is that between exposure and arrival of the last frame whose exposure time increased.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -107,7 +107,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time of the frame with the arrival time grabbed_s [s]. It may equal the last exposure time."""
+        """Exposure time of the frame with the arrival time grabbed_s [s]. Two successive results may be equal."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -137,7 +137,7 @@ class RisingTimes:
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
-        """Text of the last fault in the source's times since the last call; None if there was none."""
+        """Text of the last fault of the exposure times; None if there was no fault since the last call."""
         fault, self._fault = self._fault, None
         return fault
 
@@ -147,8 +147,8 @@ class FilmTimes:
 
     If a frame's time in the container differs from index / rate by at most `ROUNDING_S`, index / rate is used.
     Otherwise, the time in the container is used. A time in the container is invalid if it is not finite or does not
-    increase. From the first invalid time on, index / rate is used. If there is no rate, or if the container's
-    time was used for an earlier frame, an invalid time raises ValueError.
+    increase. An invalid time raises ValueError if there is no rate, or if the container's time was used for an earlier
+    frame. In all other cases, index / rate is used from the first invalid time on.
     """
 
     def __init__(self, rate: float) -> None:
@@ -183,10 +183,10 @@ class FilmTimes:
 class Arrivals:
     """Test whether the arrival times of pictures determine their exposure times.
 
-    After a pause of more than `settings.blocked_s`, pictures may arrive late, because they waited in a queue. All
-    pictures after the pause are assumed to be late, until pictures have arrived so fast that the queue must be empty,
-    or until a read fails. If the source itself reports exposure times, pictures are not assumed to be late. An arrival
-    is uneven if the interval is not a multiple of the median interval: the picture then waited for an unknown time.
+    After a pause of more than `settings.blocked_s`, pictures may be late by up to the length of the pause, because they
+    waited in a queue. Short intervals between arrivals empty the queue and reduce the delay. A failed read ends it.
+    If the source itself reports exposure times, pictures are not assumed to be late. An arrival is uneven if the
+    interval before it is not a multiple of the median interval: the picture then waited for an unknown time.
 
     late_s: largest possible delay of pictures due to a pause [s]
     """
@@ -199,7 +199,7 @@ class Arrivals:
         self._uneven_s = -np.inf
 
     def came(self, now_s: float, *, by_source: bool = False) -> None:
-        """Record the arrival of a new or repeated picture; by_source: whether the source reports its exposure time."""
+        """Record the arrival of a picture, new or repeated. by_source: whether the source reports exposure times."""
         before_s, self._last_s = self._last_s, now_s
         if by_source:
             self._uneven_s = -np.inf
@@ -223,7 +223,7 @@ class Arrivals:
             self._uneven_s = now_s
 
     def failed(self) -> None:
-        """Record a failed read, which shows that no picture waits."""
+        """Record a failed read. If a read fails, no picture waits in a queue."""
         self._last_s, self.late_s = None, 0.0
 
     def uneven(self, now_s: float) -> bool:
@@ -232,6 +232,6 @@ class Arrivals:
 
     @property
     def _usual_s(self) -> float | None:
-        """Median of the last intervals [s]; None until there are settled_frames / 2 intervals."""
+        """Median interval between arrivals [s]; None until there are settled_frames / 2 intervals."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

@@ -93,7 +93,7 @@ def quiet_opencv() -> Iterator[None]:
 def opencv_name(path: FilePath) -> str:
     """Name of a file for OpenCV and FFmpeg. Raises SourceError for a name that is not in UTF-8.
 
-    Relative names begin with a dot: otherwise FFmpeg would read the part before a colon as a protocol.
+    A relative name gets ./ in front. Otherwise, FFmpeg would read the part of a name before a colon as a protocol.
     """
     name = os.fspath(path)
     try:
@@ -105,7 +105,7 @@ def opencv_name(path: FilePath) -> str:
 
 
 def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    """Pixels of a picture file, (height, width, 3) BGR or (height, width); flags: cv2.IMREAD_*. Raises SourceError."""
+    """Pixels of a picture file, (height, width, 3) BGR or (height, width). Raises SourceError if it is unreadable."""
     name = opencv_name(path)
     with quiet_opencv():
         image = cv2.imread(name, flags)
@@ -191,9 +191,9 @@ def count_numbered(folder: FilePath) -> int:
 
 
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
-    """Number of frames in a film, counted by reading the film, because its header may be wrong. Raises SourceError.
+    """Number of frames in a film, found by reading the whole film. Raises SourceError if the film cannot be opened.
 
-    advance: called with the completed share, 0 to 1, estimated from the header
+    advance: called after each frame with the share of frames read so far, 0 to 1, estimated from the film's header
     """
     capture = _opened(Path(path))
     n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)

@@ -35,10 +35,10 @@ class Capture(Protocol):
         """Wait for the next frame; returns False if there is none."""
 
     def retrieve(self) -> tuple[bool, Any]:
-        """Whether the last grab() has a frame, and this frame."""
+        """Whether the last call of `grab` got a frame, and this frame."""
 
     def get(self, prop: int) -> float:
-        """A property by its OpenCV number."""
+        """Value of the property with this OpenCV number, such as cv2.CAP_PROP_FPS."""
 
     def release(self) -> None:
         """Release the device."""
@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: time of its last progress [s], longest time without progress [s], whether it was replaced."""
+    """Reading thread. alive_s: time of last progress [s]; may_hang_s: longest pause [s]; retired: whether replaced."""
 
     alive_s: float
     may_hang_s: float
@@ -56,16 +56,16 @@ class Reader:
 class LiveFrames(Closing):
     """Source of the newest frames of a camera or stream. Each frame is delivered at most once.
 
-    open_capture: function that opens the source; called in a reading thread, because a dead device may block the call
+    open_capture: function that opens the source. A reading thread calls it, because a dead device may block the call.
     ends: function that states whether a failed read is the end of the source; if not, a failed read is a fault
     keep: largest number of frames that wait for delivery; if there are more, the oldest frame is dropped
     exposures: function that returns a rule for exposure times; called at each opening; default: `DeviceTimes`
     may_repeat: whether a picture that equals an earlier picture is delivered, as in a film; if not, it is dropped
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for faults
-    clock, nap: the monotonic clock [s], and a function that pauses; default of nap: a pause that `close()` ends
+    clock: the monotonic clock [s]; nap: function that pauses; default: a pause that `close` ends
     origin: function that returns the clock time at which time 0 of a film is played [s]; default: 0
-    waits: whether reading begins with the first call of `next`, as for a film; if not, it begins at once
+    waits: whether reading begins with the first call of `next`, as for a film; if not, the constructor begins it
 
     If the source cannot be opened at first, `next` raises SourceError. If the source fails later, it is reopened.
     """
@@ -131,7 +131,7 @@ class LiveFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """Largest possible delay of the last picture due to an earlier pause of the source [s]."""
+        """Largest time by which the last picture may be older than its exposure time states, due to a pause [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
@@ -141,7 +141,7 @@ class LiveFrames(Closing):
 
     @property
     def interval_s(self) -> float:
-        """Median interval between the last frames [s]; 0 before the second frame."""
+        """Median interval between the arrivals of frames [s]; 0 before the second frame."""
         return self._watch.interval_s
 
     def next(self, timeout_s: float) -> Frame | None:
@@ -191,7 +191,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order. A blocked or frozen source is detected only by calls of `next`."""
+        """The events since the last call, in order. Only `next` detects that the source is blocked or frozen."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -282,7 +282,7 @@ class LiveFrames(Closing):
             return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
-        """Deliver a picture, or drop it if it equals an earlier picture or if its exposure time does not increase."""
+        """Deliver a picture. Drop a picture that repeats an earlier one, or whose exposure time does not increase."""
         with self._changed:
             if not self._wanted(reader):
                 return
@@ -324,7 +324,7 @@ class LiveFrames(Closing):
                 self._arrivals.failed()
 
     def close(self) -> None:
-        """Stop reading. A reading thread releases the device when its present read returns."""
+        """Stop reading. The reading thread releases the device as soon as its unfinished read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

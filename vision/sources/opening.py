@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index. OpenCV reads the hundreds of a larger index as the number of a capture API."""
+"""Largest camera index. In a larger index, the hundreds select OpenCV's capture API, not a camera."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -39,7 +39,7 @@ def open_source(
     spec: camera index, /dev/video..., film, folder of pictures, or stream (rtsp://, http://, udp:// ...)
     live: if True, only the newest frame is delivered, and a file is played at the speed of its exposure times. If
         False, a file is read as fast as requested, and up to settings.backlog frames of a device or stream can wait.
-    fps: frame rate of a folder of pictures; for a film, it replaces the film's own times [frames/s]
+    fps: frame rate [frames/s]. A folder of pictures needs fps. For a film, fps replaces the times in the film.
     give_up_s, settings: as in `LiveFrames`
 
     Raises SourceError if there is no such source, or if fps is given for a camera or stream. If a device cannot be
@@ -70,12 +70,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of a file's frames. live: whether the file is `played`; if not, every frame is read when requested."""
+    """Source of a file's frames. live: if True, the file is `played`; if False, each frame is read when requested."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source that plays a file at the speed of its exposure times; start: see `Playback`."""
+    """Source that plays a file at the speed of its exposure times. start: as in `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
@@ -92,7 +92,7 @@ def _never(_capture: Any) -> bool:
 
 
 def _has_length(capture: Any) -> bool:
-    """Whether a capture has a number of frames: it is then a film on a server, not a stream."""
+    """Whether a capture states its number of frames. Such a capture is a film on a server, not a stream."""
     return bool(capture.get(cv2.CAP_PROP_FRAME_COUNT) > 0)
 
 

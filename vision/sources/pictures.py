@@ -20,8 +20,9 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Names and grey levels, (height, width), of pictures. The sharp frames of a film come before the picture files.
+    """Yield name and grey levels, (height, width), of each picture. The frames of a film come before the picture files.
 
+    paths: picture files, folders of pictures, and at most one film, whose sharpest frames are used
     Raises SourceError for unreadable files, a second film, repeated names, and pictures of different sizes.
     """
     given = [Path(path) for path in paths]
@@ -40,7 +41,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
 
 
 def grey_picture(path: FilePath) -> Image:
-    """Grey levels of a picture file, (height, width). The rotation in its metadata is ignored. Raises SourceError."""
+    """Grey levels of a picture, (height, width). Rotation in metadata is ignored. Raises SourceError if unreadable."""
     file = Path(path)
     if not file.is_file():
         raise SourceError(f"{file}: expected a picture, found no such file")
@@ -48,9 +49,9 @@ def grey_picture(path: FilePath) -> Image:
 
 
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """Name ("frame 000123") and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
+    """Yield name ("frame 000123") and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
 
-    Raises SourceError as `VideoFileFrames` does.
+    Raises SourceError in the cases of `VideoFileFrames`.
     """
     n_frames = count_frames(film)
     best: tuple[float, str, Image] | None = None

@@ -15,7 +15,7 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Start of films that play together. at_s: clock time of exposure time 0 [s]; None before the first frame."""
+    """Start of films that play together. at_s: clock time of time 0 in the films [s]; None before the first frame."""
 
     at_s: float | None = None
 
@@ -23,7 +23,7 @@ class Start:
 class Playback:
     """Capture that plays a file: frames follow each other at the intervals of their exposure times.
 
-    start: start time, which films share if they play together
+    start: start of the playback. Films that play together get the same `Start`.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Playback:
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which the exposure times in the file are 0 [s]; 0 before the first frame."""
+        """Clock time at which time 0 of the film is played [s]; 0 before the first frame."""
         return self._start.at_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name

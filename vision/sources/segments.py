@@ -26,7 +26,7 @@ SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
 """File name extension of a piece, by codec."""
 
 NOMINAL_FPS = 30.0
-"""Frame rate in the header of a piece [frames/s]. The true exposure times are stored elsewhere."""
+"""Frame rate in the header of a piece [frames/s]. Readers do not use this rate: they are given the exposure times."""
 
 
 class SegmentWriter:
@@ -59,7 +59,7 @@ class SegmentWriter:
             self._piece = None
 
     def discard(self) -> None:
-        """Delete the unfinished piece."""
+        """Delete the unfinished piece of the film."""
         if self._piece is not None:
             self._piece.discard()
             self._piece = None
@@ -77,12 +77,12 @@ def segments_in(folder: FilePath) -> list[Path]:
 
 
 def count_segment_frames(folder: FilePath) -> int:
-    """Number of frames in all pieces, counted by reading them. Raises SourceError."""
+    """Number of frames in all pieces, found by reading them. Raises SourceError if a piece is missing or unreadable."""
     return sum(count_frames(path) for path in segments_in(folder))
 
 
 class SegmentFrames(Closing):
-    """Frames of all pieces in order, with exposure times [s]. Frames after the last exposure time are omitted.
+    """Frames of all pieces in order, each with its exposure time [s]. Surplus frames without exposure time are omitted.
 
     Raises SourceError if pieces are missing or unreadable, or if there are fewer frames than exposure times.
     """
@@ -107,7 +107,7 @@ class SegmentFrames(Closing):
             raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {index}")
 
     def close(self) -> None:
-        """Close the open piece."""
+        """Close the piece of the film that is being read."""
         if self._open is not None:
             self._open.close()
 
@@ -117,7 +117,8 @@ def join_segments(
 ) -> None:
     """Write the first n_frames frames of a folder's pieces as one film without loss.
 
-    advance: called with the completed share, 0 to 1. Raises SourceError.
+    advance: called after each frame with the share of frames written so far, 0 to 1
+    Raises SourceError if pieces are missing or unreadable, if frames are missing, or if the film cannot be written.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

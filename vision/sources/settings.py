@@ -10,9 +10,9 @@ class SourceSettings:
     """Settings of sources: thresholds for faults, use of a device's clock, frames of a film for a calibration.
 
     The median interval is the median of the intervals between the last settled_frames frames.
-    blocked_s: time after which a source is reported as blocked, because no read returns, or as frozen, because one
-        picture repeats [s]; choice. If all reads fail for this time, the source is reopened. `close` takes at most this
-        time.
+    blocked_s: time limit for faults [s]; choice. If no read returns for this time, the source is blocked. If only one
+        picture repeats for this time, the source is frozen. If all reads fail for this time, the source is reopened.
+        `close` takes at most this time.
     hung_s: longest duration of a read [s]; choice. After this time, another thread opens the device, or the read of a
         stream fails. It is also the longest pause between two attempts to open a lost device.
     opening_s: time after which another thread opens a device whose opening has not ended [s]; choice: some cameras need

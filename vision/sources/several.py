@@ -21,12 +21,12 @@ TOGETHER_S = 1e-3
 difference is smaller. A mark at 0.1 m/s moves by 0.1 mm in this time."""
 
 JITTER_S = 5e-3
-"""Tolerance of the predicted exposure time of a camera's next picture [s]; choice: the error of an exposure time that
-was computed from an arrival time."""
+"""Largest error of the predicted exposure time of a camera's next picture [s]; choice: exposure times have this error
+if they are computed from arrival times."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for a camera's next picture, and for its first picture [s]; choice. The wait for the next picture is
-less than a frame interval at 30 frames/s. The wait for the first picture allows for cameras that open slowly."""
+"""Longest wait for the next picture of a late camera, and for its first picture [s]; choice. The wait for the next
+picture is less than a frame interval at 30 frames/s. The wait for the first one allows for cameras that open slowly."""
 
 POLL_S = 2e-3
 """Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
@@ -36,9 +36,9 @@ class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras. Each picture is delivered at most once.
 
     If the exposure times of pictures differ by at most `TOGETHER_S`, the pictures are delivered together. Pictures are
-    delivered in the order of their exposure. If a camera is late, its picture is awaited for a short time.
+    delivered in the order of their exposure. If a camera is late, pictures of the other cameras wait for a short time.
     sources: source of each camera by name
-    clock, nap: the monotonic clock [s], and a function that pauses
+    clock: the monotonic clock [s]; nap: function that pauses for a time [s]
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SeveralFrames(Closing):
 
     @property
     def waits(self) -> bool:
-        """Whether reading begins with the first call of `next`, as for films."""
+        """Whether reading has not begun. Reading of films begins with the first call of `next`."""
         return any(one.waits for one in self.sources.values())
 
     @property
@@ -116,7 +116,7 @@ class SeveralFrames(Closing):
                 self._last_s[name] = frame.exposure_s
 
     def _first(self) -> Exposure | None:
-        """The next pictures to deliver; None if there are none, or if a camera will deliver an earlier picture."""
+        """The next pictures to deliver; None if there are none, or if an earlier one of another camera is expected."""
         heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
         if not heads:
             return None
@@ -139,7 +139,7 @@ class SeveralFrames(Closing):
         self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether a camera will probably soon deliver a picture that was exposed before exposure_s [s]."""
+        """Whether to wait for a camera's next picture, because it was probably exposed before exposure_s [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False

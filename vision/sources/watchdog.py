@@ -22,11 +22,11 @@ DARK = 60
 class SourceWatchdog:
     """Detects faults of a live source from the arrival times of its pictures.
 
-    A failed read is a fault. `check` reports two other faults: no read returned within a time limit, or all reads
-    within the time limit returned the same picture. The time limit is the longer of settings.blocked_s and
-    settings.slow_intervals frame intervals.
+    The time limit is settings.blocked_s or settings.slow_intervals frame intervals, whichever is longer. `check`
+    reports a fault if no read returned within the time limit, or if all reads within the time limit returned the same
+    picture. A failed read is also a fault.
 
-    may_repeat: whether equal pictures in a row are no fault, as in a film
+    may_repeat: whether a picture may repeat without a fault, as in a film
     fault: the present fault, or None; new_s: time of the last new picture [s]
     """
 
@@ -39,12 +39,12 @@ class SourceWatchdog:
         self._repeats = False
 
     def begin(self, now_s: float) -> None:
-        """Expect pictures from a time on [s]."""
+        """Set the time from which pictures are expected [s]."""
         self.new_s = self._answer_s = now_s
 
     @property
     def interval_s(self) -> float:
-        """Median interval between the last pictures [s]; 0 before the second picture."""
+        """Median interval between the arrivals of pictures [s]; 0 before the second picture."""
         return float(np.median(self._intervals)) if self._intervals else 0.0
 
     def saw_new(self, now_s: float, size_px: tuple[int, int]) -> list[SourceEvent]:
@@ -96,8 +96,8 @@ class FrozenValues:
     """Detects a source that repeats old frames.
 
     A frame is a repeat if its values equal those of one of the last `IN_TURN` frames. New values contain noise, and
-    therefore almost never repeat. But some senders send each frame several times. The source is frozen if a frame
-    has at least settings.stuck_frames - 1 more repeats than the median frame.
+    therefore almost never repeat. But some senders send each frame several times. The source is frozen if the number of
+    repeats of a frame exceeds the median over earlier frames by at least settings.stuck_frames - 1.
 
     frozen: whether the source is frozen now
     """
@@ -110,7 +110,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Test the values of a frame, by name. Returns whether they are a repeat, and the events."""
+        """Test a frame. values: its values by name. Returns whether the frame is a repeat, and the new events."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -136,8 +136,8 @@ class SparsePictures:
 
     A gap is an interval of more than 1.5 median intervals. Let n be `settings.stuck_frames`. The fault begins if the
     sum of the last n intervals is at least 2 n median intervals, and at least two of these intervals are gaps. The
-    fault ends after `settings.even_s` without a gap. An interval below half the median interval shows that pictures
-    waited for a late reader. Earlier intervals are then not tested.
+    fault ends after `settings.even_s` without a gap. After an interval below half the median interval, only later
+    intervals are tested: the reader was late, and pictures waited.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -149,7 +149,7 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """After a pause, ignore the interval between the last picture and the next one."""
+        """Record a pause of the source. The interval between the last picture and the next one is not tested."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
@@ -190,6 +190,6 @@ class SparsePictures:
 
     @property
     def _usual_s(self) -> float | None:
-        """Median of the last intervals [s]; None until there are settled_frames / 2 intervals."""
+        """Median interval between exposures [s]; None until there are settled_frames / 2 intervals."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

@@ -40,7 +40,7 @@ class Shadow:
     """A shadow with a soft, straight edge.
 
     depth: share of light that the shadow removes, 0 to 1
-    edge_px: a point in the middle of the edge, where the shadow removes half of this share [px]
+    edge_px: a point in the middle of the edge, where the shadow removes half of `depth` [px]
     towards_deg: direction in which the shadow becomes darker, 0 right, 90 down [degrees]
     softness_px: standard deviation of the edge, whose profile is a logistic function [px]
     """
@@ -57,7 +57,7 @@ class SyntheticCamera:
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
-    vignetting: light decreases as cos(angle of the ray) ** (4 vignetting); 1 is the natural law, 0 is no vignetting
+    vignetting: light decreases as `cos(angle of the ray) ** (4 * vignetting)`; 1 is the natural law, 0 is none
     blur_sd_px: standard deviation of the lens's point spread function [px]
     exposure_share: share of the frame interval during which the shutter is open, 0 to 1
     exposure: factor on the light; with 1 a white object looks white

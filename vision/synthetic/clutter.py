@@ -18,7 +18,7 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of rows in each band of a needle. Bands are drawn faster than one box around a whole slanted needle."""
+"""Number of rows in each band of a needle. Boxes around all bands have fewer pixels than one around the needle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class OccludingHand:
 
 
 def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
-    """Layers of a needle, one for each band of rows. The coverage of pixels at its edges is accurate to 1e-2."""
+    """Layers of a needle, one for each band of rows. At the needle's edges, coverage of pixels is accurate to 1e-2."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
     along = (tail - tip) / length
@@ -175,7 +175,7 @@ def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture
 
 
 def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture:
-    """Smoothed random numbers with mean 0 and standard deviation 1, (height, width)."""
+    """Random numbers with mean 0 and standard deviation 1, smoothed over grain_px [px], (height, width)."""
     width, height = size_px
     step = max(1.0, grain_px / 2.0)
     coarse = (max(8, int(np.ceil(width / step))), max(8, int(np.ceil(height / step))))
@@ -193,5 +193,5 @@ def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
 
 
 def _fine(point: Picture) -> tuple[int, int]:
-    """A point in sixteenths of a pixel, as OpenCV's drawing functions expect it."""
+    """Convert a point [px] to sixteenths of a pixel, for OpenCV's drawing functions."""
     return int(np.rint(16 * point[0])), int(np.rint(16 * point[1]))

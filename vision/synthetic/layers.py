@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Visible area of a layer [px]. free: uncovered share of each pixel, (h, w), which the layer reduces in place."""
+    """Visible area of a layer [px]. The call updates free, the share of each pixel that no layer covers, (h, w)."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))
@@ -53,7 +53,7 @@ def take(free: Picture, layer: Layer) -> float:
 
 
 def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Rows and columns of the part of a layer inside the picture: first in the picture, then in the layer."""
+    """Rows and columns of the part of a layer inside the picture, once as indices of the picture, once of the layer."""
     inside, own = [], []
     for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
         low, high = max(start, 0), min(start + length, int(size))

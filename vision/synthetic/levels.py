@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour raised to a power. A negative power gives gains that reduce the colour cast."""
+    """A lamp's colour raised to a power. With a negative power, the result is a white balance for this lamp."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

@@ -21,7 +21,7 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of lines in each row of pixels along which a disc's coverage is computed. The error is 1e-3."""
+"""Number of horizontal lines per row of pixels for the coverage by a disc. The error of the coverage is 1e-3."""
 BLUR_REACH = 4.0
 """Distance from an edge at which its blur ends [standard deviations of the blur]."""
 
@@ -55,7 +55,7 @@ class Disc:
 
     @classmethod
     def of_shape(cls, center_px: Floats, shape_px: Floats, hue_deg: float) -> Disc:
-        """The disc center_px + shape_px @ unit disc; center_px: (2,) [px], shape_px: (2, 2) [px]."""
+        """The disc `center_px + shape_px @ p` for p in the unit disc; center_px: (2,) [px], shape_px: (2, 2) [px]."""
         (a, b), (_, d) = shape_px @ shape_px.T
         return cls(center_px, (float(np.sqrt(a - b * b / d)), float(np.sqrt(d))), hue_deg, lean=float(b / d))
 
@@ -141,8 +141,8 @@ def paper_camera() -> Lighting:
     """Lighting with which detected marks have the error of [paper], 4.14 mm, in films of MJPG quality 60.
 
     Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error.
-    Sensor noise that causes this error would hide the marks. Most of the error is therefore a random shift of the
-    marks. The scene of the film must state this shift in calibration_sd_px.
+    If sensor noise alone caused this error, the noise would hide the marks. Most of the error is therefore a random
+    shift of the marks. The scene of the film must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
@@ -196,7 +196,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """Share of each pixel that the disc covers, averaged over the exposure; low, high: first pixel, last pixel + 1."""
+    """Share of each pixel that the disc covers, averaged over the exposure, for pixels from low up to high - 1."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)
@@ -230,7 +230,7 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 
 @lru_cache(maxsize=2)
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
-    """Random numbers with standard deviation 1, (2 height, 2 width, 3).
+    """Random numbers with standard deviation 1, (2 * height, 2 * width, 3).
 
     Each frame uses a random part of these numbers with a random sign, because new noise would take longer than all
     other steps.

@@ -25,7 +25,7 @@ class Sensor:
     """A camera's sensor and software. By default they only round light to grey levels.
 
     bayer: whether the sensor has a Bayer mosaic, RGGB from the first pixel on
-    full_well_e: number of electrons at light 1; the variance of shot noise is light / full_well_e
+    full_well_e: number of electrons that light 1 gives; the variance of shot noise is light / full_well_e
     read_noise_e: standard deviation of the noise in the dark [electrons]; more than 0 needs a finite full_well_e
     gains_bgr: gains of the white balance, applied after the noise
     gamma: whether grey levels follow the sRGB curve; if not, they are proportional to light
@@ -111,6 +111,6 @@ def _counts(light: Picture) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=64)
 def _tone_table(gain: float, gamma: bool) -> Image:
-    """Table of the grey level of each sensor count, (FULL_SCALE + 1,)."""
+    """Grey level of each sensor count, (FULL_SCALE + 1,). gain: white balance; gamma: as in `Sensor`."""
     light = np.clip((np.arange(FULL_SCALE + 1) - BLACK) * (gain / (FULL_SCALE - BLACK)), 0.0, 1.0)
     return np.rint(255.0 * (srgb_of(light) if gamma else light)).astype(np.uint8)

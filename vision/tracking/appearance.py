@@ -1,4 +1,4 @@
-"""Appearance model of a mark: its last complete views, and their best match in a picture.
+"""Appearance model of a mark: views of the completely visible mark, and their best match in a picture.
 
 If blood of a mark's colour touches the mark, or a hand covers half of it, the pixels of this colour do not have the
 mark's shape. The picture is then compared pixel by pixel with earlier views. Image axes: u right, v down, in pixels.
@@ -23,7 +23,7 @@ from vision.tracking.likeness import likeness, likeness_in_other_light, median_c
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
-"""Distance between positions in the coarse search, which saves time [px]."""
+"""Distance between positions in the first search for a mark with a fitted colour [px]. A finer search follows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,7 @@ class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
     center_px: centre of the mark [px], (2,)
-    score: similarity inside the mark minus AppearanceSettings.ring_weight times `around`, from -1.5 to 1.5
+    score: similarity inside the mark, minus the product of `AppearanceSettings.ring_weight` and around, -1.5 to 1.5
     share: share of similar pixels in the mark
     around: similarity between the ring of pixels around the mark and the mark's colour, from -1 to 1
     color_bgr: median colour of the similar pixels [grey levels]
@@ -81,7 +81,7 @@ class _View:
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The view after the mark is transformed to another shape; inverse: inverse of this shape, (2, 2)."""
+        """The view, transformed so that the mark has another shape. inverse: inverse of the other shape, (2, 2)."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of the mark; unseen: number of frames since the last stored view (the caller increments it)
+    hue_deg: hue of the mark; unseen: number of frames since the last stored view, counted by the caller
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -134,9 +134,9 @@ class AppearanceModel:
 
         about_px, within_px: centre [px], (2,), and half width [px] of a square. If given, only positions in the square
             are compared.
-        another: whether to fit the mark's colour at each position, for example after a change of light
+        another: whether the mark may have another colour, as in other light; its colour is then fitted at each position
 
-        Returns None if the search range is too large, or if the mark cannot be distinguished from its background.
+        Returns None if the expected position is too uncertain, or if mark and background cannot be distinguished.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
@@ -205,7 +205,7 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """Results of `likeness` at the positions in a box, and the weighed scores (`AppearanceMatch.weighed`).
+    """Results of `likeness` and `AppearanceMatch.weighed` at every `step`-th position in a box.
 
     part: part of the picture; corner: position of its first pixel; box: u0, v0, u1, v1 in the whole picture
     """
@@ -240,12 +240,12 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distances between pixels and colours, each (n, 3) or (3,); similar colours have distances below 1."""
+    """Squared distance of each pixel from its colour. Below 1, they are similar. pixels, colors: (n, 3) or (3,)."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 
 def _peak(line: Floats, k: int) -> float:
-    """Offset from index k to the peak of the parabola through value k and its two neighbours, at most 0.5."""
+    """Position of the peak of the parabola through value k and its two neighbours, relative to k, from -0.5 to 0.5."""
     if not 0 < k < len(line) - 1:
         return 0.0
     bend = 2.0 * line[k] - line[k - 1] - line[k + 1]

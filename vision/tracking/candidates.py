@@ -40,17 +40,17 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """Least score of a match [1]: `score`, multiplied by color_distance ** 2 if color_distance exceeds 1."""
+    """Least score of a match [1]: `score * max(color_distance, 1) ** 2`."""
     return score * max(color_distance, 1.0) ** 2
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether the ring of pixels around a match certainly shows background."""
+    """Whether the ring of pixels around a match shows background: the ring is unlike the mark's colour."""
     return match.around < settings.free
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Detection of a mark at the centre of a match. The lower the score, the larger is the covariance [px²]."""
+    """Detection of a mark at the centre of a match. If the score is lower, the covariance is larger."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)
@@ -59,9 +59,9 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """Detection of a mark at a match with a fitted colour.
+    """Detection of a mark at a match. The match was found with a fitted colour.
 
-    If a rim is near the match, the mean of the match's centre and the rim's centre is used.
+    If a rim is near the match, the detection's centre is the mean of the match's centre and the rim's centre.
     frame_bgr: (height, width, 3) uint8
     """
     seen, limits = detection_at(match, one, settings.candidates), settings.candidates
@@ -87,7 +87,7 @@ def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: D
 
 
 def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Combine a detection with a match that agrees: the centre is the weighted mean of both centres [px]."""
+    """Combine a detection with a match of the same mark. The new centre is the weighted mean of both centres."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center_px = seen.center_px + gain @ (match.center_px - seen.center_px)

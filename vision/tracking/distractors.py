@@ -40,8 +40,8 @@ class Distractor:
 class _Level:
     """Areas of objects in a mark's hue, as numbers of sampled pixels outside the marks.
 
-    of_late: areas in the last frames; known: area of known objects; reported: area of new objects in the last report
-    n_seen: number of frames
+    of_late: area of all objects in each of the last `DistractorSettings.stands` frames; n_seen: number of frames
+    known: area of known objects; reported: area of new objects in the last report
     """
 
     of_late: deque[float]
@@ -53,9 +53,9 @@ class _Level:
 class DistractorWatch:
     """Reports each new or growing object in a mark's colour once, if its area is comparable to the area of a mark.
 
-    To save time, only a few pixels per mark diameter are examined. Known objects are not reported: objects in the first
-    frames, and objects that get a mark's colour because the colour range adapts. While a mark is missing, no object of
-    its hue is reported, because the object may be the mark.
+    To save time, only a few pixels per mark diameter are examined. Known objects are not reported. An object
+    is known if it is in the first frames, or if it has a mark's colour only since the colour range was adapted. While a
+    mark is missing, no object of its hue is reported, because the object may be the mark.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -70,7 +70,7 @@ class DistractorWatch:
         expected: Sequence[Expected],
         found: Mapping[str, Detection],
     ) -> tuple[Distractor, ...]:
-        """The objects to report in this frame.
+        """Search a frame for new objects. Returns those that are reported.
 
         hues: present colour range of each kind of mark, by nominal hue
         expected: all marks; found: detections of the found marks by name
@@ -122,7 +122,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether to report a new object, if n sampled pixels have the hue and a mark has `mark` sampled pixels."""
+        """Whether a new object is reported. n: number of sampled pixels of the hue; mark: number in one mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -154,7 +154,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """For each hue, a mask (1 or 0) of the sampled pixels with this hue, without isolated pixels, (h, w) uint8."""
+    """Mask of the sampled pixels of each hue: 1, else 0, (h, w) uint8. Isolated pixels are removed."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)

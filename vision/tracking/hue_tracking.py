@@ -13,7 +13,7 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER, HueTrackingSettings
 
 LEAST = 0.01
-"""Least saturation and value, because `MarkHue` does not accept 0."""
+"""Lower bound of the adapted min_saturation and min_value, because `MarkHue` does not accept 0."""
 
 
 class AdaptiveHue:
@@ -35,7 +35,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared Mahalanobis distance of a detection's colour, divided by the gate; 0 until the colour is learned."""
+        """Squared Mahalanobis distance of a detection's colour, divided by its gate; 0 until the colour is learned."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)

@@ -58,13 +58,13 @@ def median_picture(views):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_color(colors):  # type: ignore[no-untyped-def]
-    """Median of each channel of colours, (n, 3)."""
+    """Median of each channel, (3,); colors: (n, 3)."""
     return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
 
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Compute the weights for `_squared_distance` from n colours, (n, 3), and write them into `weights`, (n, 3)."""
+    """Write the weight of each channel of n colours for `_squared_distance` into `weights`; both (n, 3)."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -73,16 +73,16 @@ def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """Weighted squared distance between a pixel's colour and `color`; similar colours are less than 1 apart."""
+    """Weighted squared distance between a pixel's colour and `color`. Below 1, the colours are similar."""
     b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
     return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
 
 @njit(cache=True, nogil=True)
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
-    """Comparison at each position, (6, height, width).
+    """Compare a picture with a mark's appearance at each position in a box. Returns six values, (6, height, width).
 
-    The six values are the similarity inside the mark, the share of similar pixels, the similarity between the ring and
+    The values are the similarity inside the mark, the share of similar pixels, the similarity between the ring and
     the mark's colour, and the mark's median colour (three channels).
     """
     shade, noise, _, hidden = settings
@@ -127,7 +127,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """Fit the mark's colour to the picture at every `step`-th position, then compare as in `likeness`."""
+    """Fit the mark's colour at positions `step` pixels apart. Compare with this colour as `likeness` does."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box
@@ -169,9 +169,9 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """Fit the mark's colour at a position: the mean over all pixels, then the mean over similar pixels.
+    """Fit the mark's colour at a position, first to all pixels, then only to the pixels similar to the first fit.
 
-    The results are written into own_core, (1, 3), own_colors, (n, 3), and weights, (n, 3).
+    Writes the median colour into own_core, (1, 3), all colours into own_colors, and their weights into weights, (n, 3).
     """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0

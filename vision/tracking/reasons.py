@@ -34,7 +34,7 @@ class Rejections:
     """What the finder rejected in one frame.
 
     pieces: rejected groups of connected pixels; detections: rejected detections, each with the reason
-    dropped: marks that were found and later rejected: reason and detection, by the mark's name
+    dropped: reason and detection of each mark that one stage found and a later stage rejected, by name of the mark
     flooded: the error if a hue covers most of the picture; otherwise None
     """
 
@@ -44,7 +44,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Record a rejected candidate. If the reason is None, nothing is recorded, because a later stage decides."""
+        """Record a rejected candidate. If the reason is None, nothing is recorded: a later stage may find the mark."""
         if reason is None:
             return
         if name is not None:
@@ -76,7 +76,7 @@ def lost_marks(
     If several reasons apply, the first in this list is returned. (1) A hue covers the picture. (2) The mark was found
     but rejected later. (3) A large group of rejected pixels, a rejected detection or another mark lies within the gate
     around the expected position. (4) A detection of this hue lies beyond the gate. (5) The expected position is outside
-    the picture. (6) The expected area of the mark is below `BLOCK_AREA_PX`. (7) There are too few pixels.
+    the picture. (6) The expected area of the mark is below `BLOCK_AREA_PX`. (7) Too few pixels have the hue.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
@@ -134,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of rejected pixels, which may be any part of a mark, from the expected position."""
+    """Squared Mahalanobis distance from the expected position to rejected pixels, which may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
@@ -142,6 +142,6 @@ def _piece_distance(one: Expected, piece: Rejected) -> float:
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Least number of pixels in a large group of rejected pixels, see `lost_marks` [px]."""
+    """Least size of a group of rejected pixels that is large in the sense of `lost_marks` [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

@@ -29,7 +29,7 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture [1]. If the search regions cover more, the whole picture is searched, which is as fast."""
+"""Largest share of the picture that search regions cover [1]. Beyond it, a search of the whole picture is as fast."""
 
 
 @dataclass(slots=True, eq=False)
@@ -86,7 +86,7 @@ class Candidate:
     detection: the detection; None: an earlier detection of the mark `name` is rejected
     name: name of the mark; None: the name is found by association
     match: match of the appearance model, if the detection was made from a match
-    margin: increase of the sum of squared Mahalanobis distances if the mark exchanges names with a touching mark
+    margin: increase of the sum of squared Mahalanobis distances if this mark and a touching mark exchange their names
     """
 
     detection: Detection | None
@@ -130,7 +130,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks that are alone in their search region, if all marks were found in the last frame."""
+    """If all marks were found in the last frame: the marks that are alone in their search region."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -146,7 +146,7 @@ def _isolated(search: Search) -> Iterator[Candidate]:
 
 
 def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind of mark, and is within the gate of the expected position."""
+    """Whether a detection has the colour of its kind of mark, and is within the gate around the expected position."""
     near = candidate.name is not None and (
         squared_distance(search.where[candidate.name], seen) <= search.settings.association.gate
     )
@@ -164,7 +164,7 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
-    """Detections in the whole picture, if a mark is missing. All marks are then assigned again.
+    """If a mark is missing: detections in the whole picture. All earlier assignments in this frame are discarded.
 
     Raises HueError if a hue covers most of the first picture.
     """
@@ -207,7 +207,7 @@ def _has_color(search: Search, _candidate: Candidate, seen: Detection) -> bool:
 
 
 def _after_impulse(search: Search) -> Iterator[Candidate]:
-    """Unassigned detections that may be missing marks, if an impulse has moved these marks."""
+    """Unassigned detections near the positions of missing marks after an impulse."""
     missing, elsewhere = [one.name for one in search.missing], search.expected_after_impulse
     if elsewhere is None or not missing or not search.unassigned:
         return
@@ -253,7 +253,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is similar enough to its mark, and not near a found mark (`Search.is_apart`)."""
+    """Whether a match is similar enough to its mark, and away from all found marks (`Search.is_apart`)."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -261,7 +261,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Detections of missing marks at matches with a fitted colour. Models of all marks of the hue are tried."""
+    """Detections of missing marks with a fitted colour, by the appearance models of all marks of the same hue."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -271,7 +271,7 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection is not near a found mark (`Search.is_apart`)."""
+    """Whether a detection is away from all found marks (`Search.is_apart`)."""
     return search.is_apart(seen)
 
 
@@ -283,7 +283,7 @@ def _by_rim(search: Search) -> Iterator[Candidate]:
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind of mark, and is not near a found mark (`Search.is_apart`)."""
+    """Whether a detection has the colour of its kind of mark, and is away from all found marks (`Search.is_apart`)."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 
@@ -310,7 +310,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the name of a mark that touches another mark is certain."""
+    """Whether an exchange of names between touching marks is improbable."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -338,7 +338,7 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of the marks, or no outlines if a mark is too small; least and largest area of a component [px]."""
+    """Outlines of the marks, empty if a mark is too small, and the least and the largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None

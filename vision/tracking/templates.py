@@ -41,11 +41,11 @@ class AppearanceTemplates:
         return outline is not None and outline.even and outline.area_px >= np.pi * self._settings.min_radius_px**2
 
     def is_clear(self, seen: Detection) -> bool:
-        """Whether a detection is certainly a completely visible mark."""
+        """Whether a detection needs no comparison: its mark is completely visible, and its centre is accurate."""
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Store a view of a mark, if the mark is completely visible and its model needs a new view."""
+        """Store a view of a completely visible mark. A full model gets one only every settings.refresh frames."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count a frame. Then delete each model that got no new view in more than `TemplateSettings.forget` frames."""
+        """Count a frame. Delete each model that has had no new view for more than `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -68,7 +68,7 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """Compare a detection with the mark's appearance model, whose best match in the picture is searched.
+        """Compare a detection with the best match of the mark's appearance model in the picture.
 
         If detection and match agree, returns their weighted mean. If they do not agree, returns the one that resembles
         the mark more, or None if neither resembles the mark.
@@ -102,7 +102,7 @@ class AppearanceTemplates:
     def mark_in_other_light(
         self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """The detection from a match of `match_in_other_light`; None if the match is not similar enough to the mark.
+        """Detection at a match that `match_in_other_light` found; None if the match is not similar enough to the mark.
 
         frame_bgr: (height, width, 3) uint8; color_distance: as in `checked`
         """
@@ -119,13 +119,13 @@ class AppearanceTemplates:
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
     def match_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
-        """The best match among the models of all marks of this hue. The mark's colour is fitted at each position."""
+        """The best match of the models of all marks with the same hue. The mark's colour is fitted at each position."""
         models = [model for model in self._known.values() if model.hue_deg == one.hue_deg]
         matches = [model.place(frame_bgr, one, another=True) for model in models]
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """The detection, improved by a match at its position; None if it must be compared with other positions."""
+        """The detection, combined with a match near it; None if the match must be searched at other positions, too."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
