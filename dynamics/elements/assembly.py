@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """Constants of all elements that have compiled laws (`COMPILED`); shape: (n_nodes, dim)."""
+    """Constants of all elements with compiled laws (`COMPILED`). The argument `shape` is (n_nodes, dim)."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

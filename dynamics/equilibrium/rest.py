@@ -93,7 +93,7 @@ def _deflection(stiffness: Floats, forces: Floats) -> Floats:
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether a body in space can rotate about the vertical, because all anchors lie on one line along gravity."""
+    """Whether a 3-D body can rotate about the vertical. It can if all anchors lie on one vertical line."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False

@@ -77,7 +77,7 @@ class ParameterUncertainty:
 
     @property
     def cov(self) -> Floats:
-        """Covariance of the logs of the constants [1], (n_parameters, n_parameters)."""
+        """Covariance of the logs of the constants, (n_parameters, n_parameters)."""
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:

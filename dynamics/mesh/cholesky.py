@@ -45,7 +45,7 @@ class MeshCholesky:
     places : (n, 3)
         Positions of the nodes [m].
     cells : (m, n) csr_array
-        Nonzero at the nodes of each cell; K couples only nodes of the same cell.
+        Row i is nonzero at the nodes of cell i. K couples only nodes of the same cell.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class TissueProcess:
 
     The state contains positions, velocities, forces, the discrepancy and constant errors. Short forces are stated as
     accelerations of marked nodes, slow forces as coefficients of a smooth field. The discrepancy is the displacement
-    that the modelled motion leaves out. It is stated as coefficients [1] of basis functions.
+    that the modelled motion leaves out. Its states are coefficients of basis functions, without unit.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: relative error of the drawn shape [1]; upper limit of the result for groups of two or more rest lengths
+    strain: relative error of the drawn shape [1]. The result for groups of several rest lengths does not exceed it.
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)

@@ -1,4 +1,4 @@
-"""Marks, estimates, settings and health of the filters.
+"""Marks, estimates, settings, and health of filters.
 
 Data classes that all filters use belong here.
 """

@@ -121,7 +121,7 @@ class TargetEstimate:
     model_only: whether marks contribute almost nothing, so that the estimate is a prediction by the model
     gain: `1 - a / b`; a is the variance of the filter, and b the variance of an open-loop estimate, in which the marks
         drive the model and no filter corrects it
-    information_share: relative increase of the target's variance if one used mark were omitted, by the mark's node
+    information_share: for the node of each used mark, relative increase of the target's variance without this mark
     shift: test for a common shift of all marks; None without marks, and in the first frame with marks
     noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
     measured: number of coordinates that the used marks measure; None: all coordinates

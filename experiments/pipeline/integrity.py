@@ -211,7 +211,7 @@ class IntegrityMonitor:
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
 
     def restart(self) -> None:
-        """Discard the balance of forces, because the filter restarts."""
+        """Start the test of the balance of forces again, because the filter restarts."""
         self._balance.forget()
         self.tested_s = None
 

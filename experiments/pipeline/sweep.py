@@ -77,7 +77,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, true: Scene, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """The part of a scenario that determines the motion, without the path of the scene."""
+    """The part of a scenario that determines the motion, without the file name of the scene."""
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
     with placed(sweep.path, InputError):

@@ -1,4 +1,4 @@
-"""Cameras of a plane and cameras in space: lenses, poses, triangulation, calibration.
+"""Cameras for plane and spatial scenes: lenses, poses, triangulation, calibration.
 
 A new camera, lens or board belongs here.
 """

@@ -48,8 +48,8 @@ class Calibration:
     pose: pose from world axes to camera axes
     uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px],
         k1 k2 p1 p2 k3, a small rotation in camera axes, applied from the left [rad], and a translation [m]. Each row is
-        an independent error of one standard deviation. If cameras were calibrated jointly, the same row of their
-        matrices belongs to the same error.
+        the effect of one standard deviation of an independent error. If cameras were calibrated jointly, row i of each
+        camera's matrix belongs to the same error.
     images_used: names of the used pictures; images_left_out: name and reason of each other picture, as "name: reason"
     views: for each used picture, the pose from board axes to camera axes
     seen_px: detected corners of each used picture [px], each (n, 2)
@@ -165,7 +165,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Quarter turns about z from new to old world axes. In the picture, the new x axis points nearly to the right."""
+    """Pose from new to old world axes, a rotation about z by k 90°. In the picture, the new x axis points to the right."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]

@@ -154,7 +154,7 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
-    The same row of all arrays belongs to the same independent error. If this error does not affect a camera, the row of
+    Row i of each array belongs to the independent error i. If this error does not affect a camera, the row of
     this camera is zero. If the calibrations of several cameras have the same number of rows, and this number exceeds
     15, these cameras are assumed to share their errors.
     """

@@ -56,10 +56,10 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
 
     error: mean error without the mechanism divided by mean error with it [1]; geometric mean over bodies
     covered: coverage without the mechanism minus coverage with it [percentage points]; mean over bodies
-    most: largest error ratio, and name of its body; least: lowest change of coverage, and name of its body
+    most, least: largest `error` and lowest `covered` of a single body, each with the body's name
     changed: number of bodies with a change; bodies: number of all bodies; failed: number of runs that ended early
 
-    If any body has a change, the bodies without a change are omitted from `error` and `covered`.
+    `error` and `covered` omit the bodies without a change, unless no body has one.
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []

@@ -46,7 +46,7 @@ MarkSource = SourceOf[MarksFrame]
 
 
 class Feed(Protocol):
-    """Protocol of a transport of marks, such as a socket or a pipe."""
+    """Interface of an input of marks, such as a socket or a pipe."""
 
     def run(self, receiver: LiveMarks) -> None:
         """Deliver all input, until the receiver is closed or the input ends; called in the reading thread.
