@@ -171,8 +171,8 @@ class Breathing:
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
         """Update the probability that the model holds, and the target's departure from the model.
 
-        A Kalman filter tracks the departure, which is a random walk. The variance of the
-        process noise over one period equals the variance of the past estimates. All estimates within `alike_s` together count as one independent estimate.
+        A Kalman filter tracks the departure, which is a random walk. The variance of the process noise over one period
+        equals the variance of the past estimates. All estimates within `alike_s` count as one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s

@@ -175,7 +175,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted hit probability and hit rate, over frames with truth. Keys "go_..." are for frames with GO only."""
+    """Mean predicted hit probability and hit rate over frames with truth. Keys "go_..." are for frames with GO."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)

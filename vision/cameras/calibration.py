@@ -165,7 +165,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Pose from new to old world axes, a rotation about z by k 90°. In the picture, the new x axis points to the right."""
+    """Pose from new to old world axes: a rotation about z by k 90°, with the new x axis to the right in the picture."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
