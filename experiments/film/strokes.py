@@ -109,7 +109,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
 
 
 def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw text with dark edges, with the upper left corner `at_px` or moved into the picture. Returns its width [px]."""
+    """Draw text with dark edges; upper left corner: `at_px`, or moved into the picture. Returns its width [px]."""
     ink, edge = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     ink, edge = ink[: part.shape[0], : part.shape[1]], edge[: part.shape[0], : part.shape[1]]
