@@ -18,7 +18,7 @@ from experiments.plain import counted
 def calibrate(
     run: Run,
     board: Annotated[
-        str, typer.Option("--board", help="Inner corners (ChArUco: squares) along both sides, such as 9x6.")
+        str, typer.Option("--board", help="Number of inner corners (ChArUco: squares) along both sides, such as 9x6.")
     ],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
@@ -71,7 +71,8 @@ def record(
     source: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Camera index, device, film, folder, stream, recording or phantom; for several: NAME=SOURCE each."
+            help="Camera index, device, film, folder, stream, recording or phantom; for several cameras: NAME=SOURCE "
+            "for each."
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
@@ -110,7 +111,7 @@ def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
     at: Annotated[
-        str | None, typer.Option("--at", help="Learn the hue keys of the mark at this position U,V [px].")
+        str | None, typer.Option("--at", help="Print the hue keys of the mark at this position U,V [px].")
     ] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,

@@ -41,7 +41,8 @@ def track(
     check: Annotated[
         bool,
         typer.Option(
-            "--check", help="Predict each mark from the other marks; if the errors are too large, enlarge covariances."
+            "--check",
+            help="Predict each mark from the other marks; if errors are too large, enlarge the target's covariance.",
         ),
     ] = False,
     film: WithFilm = False,
@@ -243,7 +244,7 @@ def live(
         typer.Option(
             "--source",
             help="Camera index, device, film, folder, stream, recording, phantom; for marks: udp://:PORT, - (pipe), "
-            "marks.csv; for several cameras: NAME=SOURCE each. Default: phantom.",
+            "marks.csv; for several cameras: NAME=SOURCE for each. Default: phantom.",
         ),
     ] = None,
     scene: SceneFile = None,
