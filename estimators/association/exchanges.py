@@ -1,7 +1,7 @@
 """Names of interchangeable marks: cost of each assignment in a frame, and plausible exchanges of names.
 
-A mark has the name of a node, but may be on another node. In `Names`, entry j is the index of the node on which the
-mark with the name of node j is.
+A mark has the name of a node, but may be on another node. `Names` state where the marks are: the mark with the name of
+node j is on node `names[j]`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Plausible alternatives to `names`, the most probable first, and the number of exchanges that leads to each.
+        """Plausible alternatives to `names`, the most probable first, each with the number of exchanges leading to it.
 
         worst: largest additional cost of an alternative in this frame; most: largest number of alternatives
         """
@@ -86,7 +86,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """`names` in terms of new names of the marks: mark i becomes mark `new[i]`, but stays on node `names[i]`."""
+    """`names` after the marks are renamed: the mark with name i gets name `new[i]`, but stays on node `names[i]`."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]

@@ -30,7 +30,7 @@ class IdentitySwap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedEstimate:
-    """Result of a frame: estimate, marks with corrected names, and the exchange corrected in this frame, if any."""
+    """Result of a frame: estimate, marks with corrected names, and the corrected exchange of marks (or None)."""
 
     estimate: TargetEstimate
     marks: tuple[MarkMeasurement, ...]
@@ -61,17 +61,17 @@ class AssociationFilter:
     The names are the state of a hidden Markov model. In each frame, every plausible exchange of two names becomes an
     alternative, which is a copy of the filter with the exchanged names. If two alternatives have the same names, the
     more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of the likelihoods
-    of its marks and of the prior odds of its exchanges. Improbable alternatives are dropped. If an alternative is much
-    more probable than the present names and its status is TRACKING, it replaces the present names and filter.
+    of its marks and of the prior odds of its exchanges. Improbable alternatives are dropped. An alternative with the
+    status TRACKING replaces the present names and filter if it is much more probable than the present names.
 
-    At the start, after a divergence, and when marks are rejected, several filters restart, each with names that fit the
-    rest shape well. Since the tissue may be displaced, this fit changes the log odds by at most `settings.decisive`. A
-    restart alone may make marks more probable, because it enlarges the covariance. Therefore one more filter restarts
-    with the present names. An alternative must also be more probable than this restarted filter.
+    At the start, after a divergence, and when marks are rejected, several filters restart. Each has names for which the
+    marks fit the rest shape well. Since the tissue may be displaced, this fit changes the log odds by at most
+    `settings.decisive`. A restart alone may make marks more probable, because it enlarges the covariance. Therefore one
+    more filter restarts with the present names, and an alternative must be much more probable than that filter, too.
 
     tissue: the filter; in each frame, call `tissue.predict` before `update`
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
-    State: node_of, map from the name of a mark to the node that it is on, empty before a correction; alternatives;
+    State: node_of, map from a mark's name to the node that the mark is on, empty before a correction; alternatives;
     same_names, the filter that restarted with the present names; swaps, the corrected exchanges; times of restarts.
     """
 
@@ -110,7 +110,7 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with the marks of a frame at the filter's time. Rename the marks with `named` before.
+        """Update with the marks of a frame at the filter's time. The marks must have the names that `named` gives them.
 
         Raises the errors of `TissueFilter.update`.
         """
@@ -175,7 +175,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Restart a filter for each plausible assignment of names. If `beside`, do so for the present names, too."""
+        """Restart one filter with each plausible assignment of names and, if `beside`, one with the present names."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive
@@ -205,7 +205,7 @@ class AssociationFilter:
     def _predicted(
         self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """Predict the alternative to a later time [s], then call `then`; returns None if the filter fails."""
+        """Predict the alternative to a later time [s], then call the function `then`. If this fails, return None."""
         self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
@@ -262,6 +262,6 @@ def _best(hypotheses: Hypotheses) -> Hypothesis:
 
 
 def _keep(hypotheses: Hypotheses, one: Hypothesis | None) -> None:
-    """Add a hypothesis, unless a more probable one has the same names."""
+    """Add a hypothesis. Of two hypotheses with the same names, only the more probable one is kept."""
     if one is not None and (one.names not in hypotheses or one.ahead > hypotheses[one.names].ahead):
         hypotheses[one.names] = one

@@ -10,10 +10,10 @@ from math import factorial, log
 class IdentitySettings:
     """Settings of the association of interchangeable marks: when alternative names are tried and adopted.
 
-    decisive: log odds that decide between two assignments of names [1]; choice
+    decisive: log odds from which one assignment of names is preferred to another [1]; choice
     exchange: prior log odds against an exchange of two names [1]; choice
-    longest_s: longest time for which an undecided alternative is followed, and longest pause between two restarts
-        with other names [s]; choice
+    longest_s: longest time for which an undecided alternative is followed [s]. The pause between two restarts with
+        other names has the same limit; choice
     max_hypotheses: largest number of alternatives [1]; source: number of other orders of three marks, 3! - 1
     """
 

@@ -31,7 +31,7 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target k steps after a step with noise, for each source at variance 1. The first index is k.
+        Covariance that one step of noise gives the target k steps later, for each source at variance 1. First index: k.
     by_push : (n_times, dim, n_free dim)
         Shift of the target k steps after the start of a step with a unit force [m/N]. The first index is k.
     """
@@ -77,7 +77,7 @@ class AheadTables:
     def shift(self, push: Floats) -> Floats:
         """Displacement of the target at each of the n_times times [m], (n_times, dim), by known forces.
 
-        push: constant force on the free nodes in each step [N], (n_times - 1, n_free, dim), else ValueError
+        push: constant force on the free nodes in each step [N], (n_times - 1, n_free, dim). Other shapes: ValueError
         """
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
@@ -89,8 +89,8 @@ class AheadTables:
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
         """For each of two or three cases: probability (n_times,), and mean and covariance of the target at each time.
 
-        In the first case, no short force acts until that time, and no slow force becomes stronger. In the second case,
-        no force drags a node. A continuum has no second case. The last case contains all possible forces.
+        A case states what happens until a time. In the first case, no short force acts and no slow force becomes
+        stronger. In the second case, which a continuum lacks, no force drags a node. In the last case, all may happen.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short
@@ -101,13 +101,13 @@ class AheadTables:
         return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
-        """The times of the tables [s], (n_times,). The first is the filter's time; if it is None, raises ValueError."""
+        """Times of the tables [s], (n_times,), from the filter's time on. Raises ValueError before the first frame."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """One case of `parts`, from start probabilities and transition probabilities of the modes in this case."""
+        """One case of `parts`. weights, chain: start probabilities and transition probabilities of the case's modes."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

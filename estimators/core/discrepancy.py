@@ -20,7 +20,7 @@ SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
 """`Discrepancy.levels` and `Discrepancy.least` for a continuum, whose strains are small [1]; choice."""
 
 JITTER = 1e-6
-"""Variance added at fixed nodes, relative to the field's variance [1]; numerical."""
+"""Variance added at fixed nodes before a linear system is solved, relative to the field's variance [1]; numerical."""
 
 
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
@@ -43,7 +43,7 @@ class Discrepancy:
         Possible standard deviations of the long-range field, relative to the body's extent [1]; choice. All are
         equally probable.
     noises : tuple of (float, float)
-        Possible factors on the stated standard deviation of all marks, each with its prior probability [1]; choice.
+        Possible factors on the standard deviation of the marks' noise, each with its prior probability [1]; choice.
     short : float
         Ratio of the standard deviations of the short-range and the long-range field [1]; choice.
     lengths : tuple of float
@@ -105,8 +105,8 @@ class LevelPosterior:
     Each mark is predicted from other marks, and the likelihoods of these predictions weight the levels. The joint
     likelihood of all marks would favour levels that are too small.
 
-    State: log_weights, the log probability of each pair of level and noise factor, (n,). log_withheld, the log
-    likelihood of the last frame's marks if each mark is predicted from other marks.
+    State: log_weights, the log probability of each pair of level and noise factor, (n,); log_withheld, the log
+    likelihood of the last frame's marks, each predicted from other marks.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -124,7 +124,7 @@ class LevelPosterior:
 
     @property
     def noise(self) -> float:
-        """Estimated factor on the stated standard deviation of the marks [1]."""
+        """Estimated factor on the standard deviation of the marks' noise [1]."""
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
@@ -146,7 +146,7 @@ class LevelPosterior:
         innovation, S : (m,), (m, m)
             Innovation of all observations and its covariance, at the estimated level and noise factor.
         fresh : (m, m)
-            Covariance that the discrepancy has gained since the last frame, at level 1.
+            Covariance of the marks due to the discrepancy that arose since the last frame, at level 1.
         R : (m, m)
             Covariance of the noise of the marks, at the estimated noise factor.
         groups : sequence of (k, dim) int

@@ -18,9 +18,9 @@ SOLID, SOLID_S = (0.9, 9.0), 60.0
 class Disturbances:
     """Prior of the unknown forces, stated as accelerations.
 
-    Short forces push single marked nodes. Their Markov chain has the states calm, poked (a brief push) and led (a node
-    is dragged for longer). Slow forces, such as breathing, push the whole body, and have a Markov chain of strengths.
-    A mode is a pair of a short and a slow state. A continuum has only slow forces.
+    Short forces push single marked nodes. A Markov chain gives the state of all short forces: calm, poked (a brief
+    push) or led (a node is dragged for longer). Slow forces, such as breathing, push the whole body. A second Markov
+    chain gives their strength. A mode is a pair of a short and a slow state. A continuum has only slow forces.
 
     Attributes
     ----------
@@ -39,17 +39,17 @@ class Disturbances:
     led_each_s : float
         Mean time from the state calm or poked until the state led begins [s]; choice.
     rise_s, fall_s : float
-        Mean time until a slow force changes to a given stronger state, and to a given weaker state [s]; choice.
+        Reciprocal of the transition rate of slow forces to each stronger and to each weaker state [s]; choice.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
         Number of states of short forces: 3 for a network, 1 for a continuum.
     n_poked : int
-        With more marked nodes than this number, pokes have less than their full strength; choice.
+        If there are more marked nodes than this number, pokes are weaker; choice.
     n_marked : int
         Number of marked nodes; `TissueProcess` sets it.
     bent : float
-        Static displacement by a poke in a stiff body, relative to the body's extent [1]; choice.
+        Static displacement that a poke causes at least, relative to the body's extent [1]; choice.
     """
 
     calm_m_s2: float = 0.01
@@ -89,7 +89,7 @@ class Disturbances:
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths of the sources white, short, led and slow in each mode. `raised`: result of the method `raised`."""
+        """Strengths of the sources white, short, led and slow in each mode. raised: see `Motion.raised`."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -98,11 +98,11 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force. In a network, its state of short forces is poked."""
+        """Index of the mode with the strongest slow force. In a network, short forces are in the state poked."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strengths in the mode `strongest_mode`, by the name of the source. `raised`: as for `by_mode`."""
+        """Strength of each source in the mode `strongest_mode`, by the source's name. raised: see `Motion.raised`."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property

@@ -30,11 +30,11 @@ DISCREPANCY = "discrepancy"
 """Name of the states of the discrepancy, which is the displacement that the model leaves out."""
 
 LEAST_SHARE = 1e-3
-"""Smallest weight of a hypothesis in the mixture that predicts a mode [1]; choice. Smaller weights become zero."""
+"""The prediction of a mode is a mixture of hypotheses. Weights below this number become zero [1]; choice."""
 
 REBORN = 0.05
-"""After an update, a mode is omitted until the next prediction if its probability is below this share of the
-probability of a change from other modes into it [1]; choice."""
+"""If an updated mode is less probable than this number times the probability of a change from other modes into it, the
+mode is omitted until the next prediction [1]; choice."""
 
 LINEARISATIONS = 10
 """Largest number of linearisations in a frame; numerical. A rotating cable needs many."""
@@ -46,8 +46,8 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""An onset is a change to a mode with a higher index. The filter estimates a factor on the rates of onsets: shape of
-the factor's gamma prior [1], and time constant with which past onsets are forgotten [s]; choice."""
+"""An onset is a change to a mode with a higher index. The filter estimates a factor on the rates of onsets. ONSET_SHAPE
+is the shape of the factor's gamma prior [1], ONSETS_S the time constant for which onsets are remembered [s]; choice."""
 
 STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -67,7 +67,7 @@ class HypothesisFilter:
     ----------
     process : ProcessModel
     level : LevelPosterior, optional
-        Estimator of the standard deviation of the discrepancy, which is the error of the model. Default: the value 1.
+        Estimator of the standard deviation of the discrepancy (the error of the model). Default: the deviation is 1.
     groups : callable, optional
         Returns the blocks of the observations that `level` leaves out together, like `WithheldGroups`. Default: each
         block is left out alone.
@@ -280,7 +280,7 @@ class HypothesisFilter:
         """Innovations after the transition is linearised about the smoothed previous state.
 
         Gauss-Newton steps find the smoothed previous state of the most probable hypothesis. The remaining linearisation
-        error becomes process noise: its mean square over a part of the state is added to each variance in this part.
+        error becomes process noise. In each part of the state, all noise variances are the part's mean square error.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():

@@ -125,7 +125,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of (prior odds * outlier density) of each block, (n_blocks,); -inf if the mark cannot be an outlier."""
+        """Log of `prior odds * outlier density` of each block, (n_blocks,); -inf if the mark cannot be an outlier."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)
@@ -143,7 +143,7 @@ def solved(
 ) -> Innovations:
     """Innovations after the removal of outliers. Raises CovarianceError.
 
-    found: y, S, H and HP before the removal, see `Innovations`; weights: weights before the update, (k,)
+    found: y, S, H, HP of `Innovations` before the removal; weights: weights of the hypotheses before the update, (k,)
     """
     y, S, H, HP = found
     overall = mixed(weights, y, S)

@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write `T P T'` into `moved`, (n, n). Only the first r rows of T, `rows` (r, c), have off-diagonal entries."""
+    """Write `T P T'` into `moved`, (n, n). T is zero except in its first rows, `rows` (r, c), and diagonal `fading`."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
@@ -69,7 +69,7 @@ def _whitened(A, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """Sum of the log likelihoods of all marks for each innovation covariance S, (k,). Other marks predict each mark.
+    """For each innovation covariance S, sum of the log likelihoods of marks that are predicted from other marks, (k,).
 
     Each mark has a group g of rows: its own rows, and the rows of marks that do not predict it. The rows outside g
     predict `y_g` with the error `W_gg^-1 (W y)_g`, where `W = S^-1`. The covariance of this error is `W_gg^-1`.

@@ -21,9 +21,9 @@ class Places:
     maps : mapping of str to (dim, n)
         Matrix that maps the state to the position of a point, by the name of the point.
     calibration : slice, optional
-        Indices of the states for the marks' shared errors. If None, errors of different frames are independent.
+        Indices of the states for the marks' shared errors. If None, shared errors are independent between frames.
     noise : float
-        Factor on the stated standard deviation of each mark's own noise [1].
+        Factor on the standard deviation of each mark's own noise [1].
 
     Attributes
     ----------

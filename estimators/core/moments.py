@@ -68,7 +68,7 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability of a change into each mode, (k,), from modes with the probabilities `weights` (k,)."""
+        """Probability of a change from other modes into each mode, (k,). weights: probability of each mode, (k,)."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
@@ -106,7 +106,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances after a transition, for predicted `means` (l, n) and additional noise variances `added` (n,)."""
+        """Covariances after a transition of `before.means` to `means` (l, n). added (n,): variances of other noise."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)

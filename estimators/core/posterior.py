@@ -29,7 +29,7 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Ratio of the search region's covariance for a node's first mark to the node's prior covariance [1]; choice."""
+"""A node's prior covariance times this number is the covariance of the search region for its first mark [1]; choice."""
 
 POSSIBLE = 1e-3
 """Modes with a smaller probability are ignored in the search regions of marks [1]; choice."""
@@ -49,7 +49,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Static displacement by a known force that the vibration modes of a continuum leave out [m]; 0 for a network.
+        Static displacement by a known force, minus its part in the vibration modes of a continuum [m]; 0 for a network.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class TissuePosterior:
         )
 
     def registered(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """Coordinates of `network.positions` [m], (n,), after rigid registration to the marks if this is possible."""
+        """Coordinates (n,) of the nodes at `network.positions`, registered rigidly to the marks if this is possible."""
         drawn = self.network.positions
         places = np.reshape([drawn[self.network.index(mark.node)] for mark in marks], (-1, self.network.dim))
         measured, covs = [np.array([getattr(mark, key) for mark in marks]) for key in ("position", "total_cov")]
@@ -217,7 +217,7 @@ class TissuePosterior:
         return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
-        """Log of the predicted density of the marks; 0 without marks, before the first marks, and when LOST."""
+        """Log of the predicted density of the marks; 0 without marks, or if the filter has not started or is LOST."""
         if not marks or self.health.since_s is None or self.health.status is Status.LOST:
             return 0.0
         found = self.filter.innovations([self.places(marks)])
@@ -229,7 +229,7 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
-        """Relative increase of the target's variance if one inlier were not used, by the node of this inlier.
+        """For the node of each inlier, relative increase of the target's variance if this inlier were not used.
 
         variance: trace of the target's covariance [m²]
         """
@@ -245,7 +245,7 @@ class TissuePosterior:
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """Search region for the mark of a free node: centre [m], (dim,), and covariance [m²], (dim, dim).
 
-        shared: shift of the mark by calibration errors, as in `MarkMeasurement`; None: no shift
+        shared: shift of the mark per standard deviation of each calibration error, see `MarkMeasurement`; None: zero
         """
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:

@@ -22,7 +22,7 @@ class Transition:
     matrix : (n, n)
         Jacobian: derivative of the next state with respect to the previous state.
     noises : (n_noises, m, m)
-        Noise covariance of each of the first n_noises sources, at unit variance. It affects only the first m states.
+        Noise covariance of the first n_noises sources, each at unit variance. They affect only the first m states.
     independent : (n_independent, n)
         Diagonal of the noise covariance of each remaining source, at unit variance. The noise of different states is
         independent.
@@ -65,13 +65,13 @@ class ProcessModel(Protocol):
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """Mean of the state, (n,), and its covariance in each mode, (n_modes, n, n), before any observation.
 
-        level: standard deviation [1] of the discrepancy, which is the error of the model
+        level: standard deviation of the discrepancy (the error of the model), relative to the body's extent [1]
         """
 
     def variances(self, level: float) -> Floats:
         """Variance of each source of noise in each mode, (n_modes, n_sources). `Transition` gives the order of sources.
 
-        level: standard deviation [1] of the discrepancy, which is the error of the model
+        level: standard deviation of the discrepancy (the error of the model), relative to the body's extent [1]
         """
 
     def moved(self, state: Floats, dt: float) -> Floats:

@@ -53,7 +53,7 @@ class StaticStates:
     n : int
         Number of these states.
     parts : dict of str to slice
-        States of each kind of error, by its name. Indices begin at 0 with the first constant error.
+        Indices of the states of each kind of error, by the name of the kind. The first constant error has index 0.
     sd : (n,)
         Standard deviation of each state before any observation.
     considered : (n,) bool

@@ -27,16 +27,16 @@ DISPLACED = 0.1
 """Largest prior standard deviation of the nodes' displacements, relative to the body's extent [1]; choice."""
 
 START_SHARE = 0.001
-"""Prior standard deviation of each node's independent displacement, in extents of the body [1], and of each node's
-independent speed, in extents of the body per second [1/s]; choice."""
+"""Standard deviation of the displacement [1] and the velocity [1/s] that the prior adds to each node independently,
+relative to the body's extent; choice."""
 
 
 class TissueProcess:
     """Process model of a network under unknown forces.
 
-    The state contains positions, velocities, forces, the discrepancy and constant errors. Short forces are stated as
-    accelerations of marked nodes, slow forces as coefficients of a smooth field. The discrepancy is the displacement
-    that the modelled motion leaves out. Its states are coefficients of basis functions, without unit.
+    The state contains positions, velocities, forces, the discrepancy and constant errors (see `Statics`). Short forces
+    are accelerations of marked nodes. Slow forces are coefficients of a smooth acceleration field. The discrepancy is
+    the displacement that the motion leaves out. The discrepancy's states are coefficients of basis functions [1].
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class TissueProcess:
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); velocities from velocities."""
+        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n). Also maps velocities."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
@@ -156,7 +156,7 @@ class TissueProcess:
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Prior mean (n,) and covariances in the modes (n_modes, n, n). The mean is rest at `network.positions`."""
+        """Prior mean (n,), which is rest at `network.positions`, and prior covariance in each mode, (n_modes, n, n)."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop

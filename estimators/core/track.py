@@ -30,7 +30,7 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.5
-"""The filter restarts if all marks are outliers for this time, divided by the number of marks [s]; choice."""
+"""The filter restarts if all marks are outliers for the time `REFUTED_S / number of marks` [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
 """Longest step of a prediction beyond the filter's time, and longest step under a known force [s]; numerical."""
@@ -62,7 +62,7 @@ class FilterSnapshot:
     open_loop_cov: Floats
 
     def without_marks(self) -> FilterSnapshot:
-        """Copy of the snapshot with the prior as hypotheses, and with the health of a new filter."""
+        """Copy of the snapshot in which the hypotheses are the prior, and the health is that of a new filter."""
         fresh = {"health": Health(), "_refuted_s": -np.inf, "_far_fix": None, "_placed": None}
         return replace(self, own={**self.own, **fresh}, filter=None)
 
@@ -74,7 +74,7 @@ class TissueFilter(TissuePosterior):
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        Name of a node, or a point of the tissue. Only a `TargetPoint` can have an offset, with an error (`sd_m`).
+        Name of a node, or a point of the tissue. Only a `TargetPoint` can have an offset from the nodes.
     marked : sequence of str
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
@@ -121,7 +121,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """For each frame (time [s], marks), yield a list of one estimate; `advance` gets the share of frames done."""
+        """For each frame (time [s], marks), yield a list of one estimate. advance: called with the completed share."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)

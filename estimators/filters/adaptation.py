@@ -14,7 +14,7 @@ class VarianceScale:
     innovations decays with the time constant forget_s. Source: [titterington1984].
 
     bounds: smallest and largest scale
-    start_information: weight of the initial scale 1, as an equivalent number of measured coordinates
+    start_information: weight of the initial scale 1, as the number of measured coordinates with the same information
     State: scale; information, the Fisher information of log(scale).
     """
 
@@ -28,7 +28,7 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """Update with an innovation (m,) that follows the last innovation after dt [s]. Returns the new `scale`.
+        """Update with an innovation (m,), a time dt [s] after the previous innovation. Returns the new `scale`.
 
         part, rest: the two terms of the innovation covariance `rest + scale * part`, (m, m)
         """

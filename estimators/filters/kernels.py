@@ -124,8 +124,8 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     """NIS that remains after the best common shift of all blocks, and smallest NIS after one block is omitted.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance; width: number of measurements in a block
-    The best shift of blocks reduces the NIS by `w'H (H' S^-1 H)^-1 H'w`, with `w = S^-1 y`. H has one unit matrix per
-    shifted block, else zeros. The omission of a block reduces the NIS as much as the best shift of this block alone.
+    The best shift of blocks reduces the NIS by `w'H (H' S^-1 H)^-1 H'w`, with `w = S^-1 y`. H (m, width) is a unit
+    matrix in the rows of every shifted block, else 0. Omitting a block reduces the NIS as much as its best shift.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0

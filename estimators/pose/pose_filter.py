@@ -21,8 +21,8 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR = 5, 1e-3
-"""Limits for an iterated update; numerical. It ends after ITERATIONS, or after a change of the motion below NEAR [m],
-[rad]. The remaining error is about half the square of this change."""
+"""Limits for an iterated update; numerical. It ends after ITERATIONS, or when an iteration changes translation [m] and
+rotation [rad] by less than NEAR. The remaining error is about half the square of this change."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
@@ -53,9 +53,9 @@ class PoseEstimate:
     """Estimate of the pose error at one time.
 
     motion: rigid motion from the true positions of points to their measured positions
-    cov: covariance of the error of translation [m] and rotation [rad], (n, n). It includes errors in the stated places
-        of the reference marks.
-    columns: change of the motion per standard deviation of each calibration error [m], [rad], (n, n_calibration)
+    cov: error covariance of translation [m] and rotation [rad], (n, n), including errors of the reference marks' places
+    columns: change of translation [m] and rotation [rad] per standard deviation of each calibration error,
+        (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -63,7 +63,7 @@ class PoseEstimate:
     columns: Floats
 
     def corrected(self, mark: MarkMeasurement) -> MarkMeasurement:
-        """The mark without the pose error. The last n columns of its `shared` represent the uncertainty of the pose."""
+        """The mark without the pose error. In the result, the last n columns of `shared` are the pose's uncertainty."""
         turned = self.motion.rotation.T
         shared = turned @ self.seen_shared(mark.position, mark.shared)
         place = self.motion.back(mark.position[None])[0]
@@ -112,7 +112,7 @@ class PoseFilter:
         (k, m, dim). A value that cannot be measured is not finite. A shift of a point by 1 m should change the values
         by about 1. Default: the measured values are the points themselves.
     State: time_s, the time of the state [s], None before the first frame; hypotheses, the most probable first; time of
-    the last mark; motion at the last report; wrong, the names of the reference marks rejected in the last frame.
+    the last mark; pose error at the last report; wrong, names of the reference marks rejected in the last frame.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Registration: estimation of the rigid motion from points in a body's own coordinates to measured points.
 
 The motion has the largest likelihood under independent Gaussian errors of the measured points, each with its own
-covariance. Newton's method starts from the rotation of [kabsch1976]. Where the likelihood is not convex, a Gauss-Newton
+covariance. Newton's method starts from the rotation of [kabsch1976]. Where chi-square is not convex, a Gauss-Newton
 step replaces the Newton step. The covariance of the motion follows from a linearisation. In the terms of
 [fitzpatrick1998], residuals are fiducial registration errors, and `Registration.error_cov` is the covariance of target
 registration errors.
@@ -21,8 +21,8 @@ LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: above it, linearisation is inaccurate."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Largest number of Newton steps, and convergence limit for `step' A step / (1 + chi-square)` [1]; numerical. A is the
-information matrix of the motion."""
+"""Largest number of Newton steps, and value of `step' A step / (1 + chi_square)` below which they end [1]; numerical.
+The vector `step` is a change of the motion, and A is the information matrix of the motion."""
 
 ROUNDING = 1e-9
 """Largest relative increase of chi-square by a rounding error. After a larger increase, a step is halved; numerical."""
@@ -39,7 +39,7 @@ class Registration:
     motion: motion from the body's own coordinates to the coordinates of the measured points
     cov: covariance of the error of translation [m] and rotation [rad], (n, n)
     residuals: measured minus moved points [m], (k, dim)
-    residual_covs: covariance of each residual, as it follows from the covariances of the points [m²], (k, dim, dim)
+    residual_covs: covariance of each residual [m²], (k, dim, dim), calculated from the covariances of the points
     chi_square: sum of the squared residuals, normalised by the points' covariances [1]
     """
 
@@ -105,8 +105,8 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     Raises
     ------
     RegistrationError
-        If there are fewer than two points in the plane, or fewer than three points in space. Also if the points are so
-        close to a line that the standard deviation of the rotation exceeds `LARGEST_RAD`.
+        If there are fewer than two points in the plane, or fewer than three points in space, or if the standard
+        deviation of the rotation exceeds `LARGEST_RAD`, for example because the points are close to a line.
 
     References
     ----------

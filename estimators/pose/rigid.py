@@ -53,7 +53,7 @@ class RigidMotion:
         return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)
 
     def changed(self, change: Floats) -> RigidMotion:
-        """The motion after a small change: translation [m], then rotation [rad], (n,)."""
+        """The motion after a small change (n,), see `RigidMotion`."""
         dim = len(self.centre)
         angle = float(np.linalg.norm(change[dim:]))
         turn = np.eye(dim)

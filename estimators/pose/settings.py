@@ -16,13 +16,13 @@ class PoseSettings:
     lasting_s: correlation time of the drift's speed [s]; choice
     moved_m, moved_rad: standard deviation of a sudden move [m], [rad]; choice
     moved_each_s: mean time between two sudden moves [s]; choice
-    wrong_share: share of reference mark measurements that really show another object [1]; choice
+    wrong_share: share of the measurements of reference marks that show another object [1]; choice
     wrong_m: standard deviation of the error of a wrong measurement, on each axis [m]; choice
     gate: if the normalised innovation squared per degree of freedom exceeds this number, the filter searches for wrong
         measurements [1]; choice
     n_hypotheses: largest number of hypotheses [1]; choice
     least: probability of a hypothesis, relative to the best one, below which it is dropped [1]; choice
-    drifted_m, drifted_rad: largest drift since the last report without a new report [m], [rad]; choice
+    drifted_m, drifted_rad: smallest drift since the last report that causes a new report [m], [rad]; choice
     """
 
     start_m: float = 1e-3

@@ -15,7 +15,7 @@ ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
 
 Arguments of the function are the time [s] at the middle of the step, and the states, (..., n_state), at the start of
 the step. The function returns the forces during the step, (..., n_free, dim) or (n_free, dim). A step takes at most
-1/120 s. Friction must not change its sign within a step, because the friction would oscillate."""
+1/120 s. Friction must be too weak to reverse the velocity within a step. Otherwise, the velocity oscillates."""
 
 
 class KnownForce:

@@ -13,7 +13,7 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Largest number of vibration modes of the hidden masses [1]; numerical. If there are more, the slowest are used."""
+"""Largest number of vibration modes of the masses without marks [1]; numerical. The slowest modes are used."""
 
 KEPT = 64
 """Largest number of combinations of frame interval and visible marks whose matrices are cached."""
@@ -22,9 +22,9 @@ KEPT = 64
 class OpenLoopCovariance:
     """Covariance of the target in an open-loop estimate, linearised about rest.
 
-    Between frames, a marked mass moves straight from one measured position to the next. If its mark is not visible, it
-    stays at its last position. Hidden masses follow their equations of motion under white acceleration noise. For large
-    bodies, only the slowest vibration modes are computed.
+    Between frames, a marked mass moves straight from one measured position to the next. If a mark is not visible, the
+    mass stays at the last measured position. Hidden masses, which have no marks, follow their equations of motion under
+    white acceleration noise. For large bodies, only the slowest vibration modes are computed.
 
     white: density of the acceleration noise [m/s²/sqrt(Hz)]
     State: cov, covariance of the positions and velocities of hidden masses, and of the errors of marked masses.
@@ -80,7 +80,7 @@ class OpenLoopCovariance:
         self.cov = new
 
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
-        """Matrices F, kept, G and Q that `take` uses for dt [s] and a frame with visible marks on the nodes `seen`."""
+        """F, kept, G and Q in `take` for a step of dt [s] to a frame that shows the marks of the nodes `seen`."""
         n = self._n
         if dt > 0.0:
             own, start, end, noise_added = self._step(dt)
@@ -95,8 +95,8 @@ class OpenLoopCovariance:
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Matrices that predict the error of the hidden masses over dt [s].
 
-        Returns the effects of the previous error (n, n), of the errors of the previous marks (n, m) and of the errors
-        of the new marks (n, m). The last result is the noise covariance due to unknown forces (n, n).
+        Returns the derivatives of the new error with respect to the previous error (n, n), the errors of the previous
+        marks (n, m) and those of the new marks (n, m). The last result is the covariance of the noise (n, n).
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
@@ -111,7 +111,7 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """Matrix (n, r) of the slowest vibration modes of n coordinates, and its left inverse. Others are fixed.
+    """Matrix (n, r) of the slowest vibration modes of n coordinates, and its left inverse. Faster modes are left out.
 
     by_mass: -K / mass, (n, n); rows: indices of the n coordinates among the free coordinates
     """

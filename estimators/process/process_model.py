@@ -23,8 +23,8 @@ from dynamics import (
 from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
-"""Longest integration step, after which noise is added [s]; choice. A prediction over 0.2 s has an error of 23 µm in
-the mean and 0.5 % in the covariance. With steps of 1/240 s, the computation takes twice as long."""
+"""Longest integration step [s]; choice. A prediction over 0.2 s has an error of 23 µm in the mean and 0.5 % in the
+covariance. With steps of 1/240 s, the computation takes twice as long."""
 
 LOOSE = 1e-11
 """A stiffness below this share of the largest stiffness is a rounding error and counts as zero [1]; numerical."""
@@ -81,7 +81,7 @@ class TissueModel:
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Predict the sigma points of each mode over dt [s], (n_modes, n_points, dim_x), in [m], [m/s], [N]."""
+        """Sigma points of each mode, (n_modes, n_points, dim_x), after dt [s], with states in [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -121,7 +121,7 @@ class TissueModel:
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density of the motion about a shape [m], (dim_x, dim_x); states in [m], [m/s], [N].
+        """Matrix A (dim_x, dim_x) and noise density (dim_x, dim_x) of motion near a shape [m]. States: [m], [m/s], [N].
 
         Negative stiffnesses, such as that of a buckling link, are replaced by zero, so that no motion grows.
         """
@@ -139,7 +139,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add to Q the covariance due to white acceleration noise over dt [s]. Its densities are `white`, (half,)."""
+    """Add to Q the covariance due to white acceleration noise over dt [s]. white: density on each coordinate, (n,)."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0

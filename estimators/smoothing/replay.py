@@ -50,14 +50,14 @@ class Replay:
         self._kept: list[_Kept] = []
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """Use the marks of an exposure time [s]. Returns the newest estimate; None for marks older than the history.
+        """Use the marks of an exposure time [s]. Returns the newest estimate; None if the time precedes the history.
 
         Raises the errors of `TissueFilter.predict` and `TissueFilter.update`.
         """
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """Use a fix measured at a time [s]. Returns the newest estimate; None for a fix older than the history.
+        """Use a fix measured at a time [s]. Returns the newest estimate; None if the time precedes the history.
 
         position: measured position of the target [m], (dim,); cov: covariance of this position [m²], (dim, dim)
         """

@@ -125,7 +125,7 @@ class FixedLag:
         self._passed: deque[tuple[TargetEstimate, Step]] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """Use the marks of a frame. Returns the target at the newest frame that is lag_s old, None if all are newer."""
+        """Use the marks of a frame. Returns the target at the newest frame with an age of at least lag_s, else None."""
         self._passed.append(self._passage.take(time_s, marks))
         due_s = time_s - self.lag_s
         while len(self._passed) > 1 and self._passed[1][0].time_s <= due_s:

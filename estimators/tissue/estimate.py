@@ -39,8 +39,8 @@ class MarkMeasurement:
 
     node: name of the node that the mark is on; position: measured position [m], (dim,)
     cov: covariance of the mark's own error [m²], (dim, dim), positive definite
-    shared: shift of the mark per standard deviation of each independent error that all marks of a frame share, such as
-        a calibration error [m], (dim, n_shared)
+    shared: shift of the mark [m], (dim, n_shared), per standard deviation of each independent error that all marks of a
+        frame share, such as a calibration error
 
     Arrays are checked, copied and made read-only.
     """
@@ -99,7 +99,7 @@ class CommonShift:
     """Test of whether one common shift explains the innovations of all marks in a frame, including rejected marks.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
-    nis_of_one: smallest NIS that remains after one mark is omitted; the best shift of this mark leaves the same NIS
+    nis_of_one: smallest NIS that remains if one mark is omitted. The best shift of only this mark leaves the same NIS
     """
 
     n_marks: int
@@ -121,9 +121,9 @@ class TargetEstimate:
     model_only: whether marks contribute almost nothing, so that the estimate is a prediction by the model
     gain: `1 - a / b`; a is the variance of the filter, and b the variance of an open-loop estimate, in which the marks
         drive the model and no filter corrects it
-    information_share: for the node of each used mark, relative increase of the target's variance without this mark
+    information_share: for each used mark's node, relative increase of the target's variance if the mark were not used
     shift: test for a common shift of all marks; None without marks, and in the first frame with marks
-    noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
+    noise: estimated factor on the standard deviation of the marks' noise [1]; 1 if it is not estimated
     measured: number of coordinates that the used marks measure; None: all coordinates
     """
 

@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether the measurement `now` is in the gate around the earlier measurement `known`, widened by an impulse."""
+    """Whether `now` is in the gate around the earlier `known`. The gate allows for an impulse between the two."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

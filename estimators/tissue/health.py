@@ -24,7 +24,7 @@ class Health:
     status: see `Status`
     since_s: time of the first mark after the last start, loss or divergence [s]; None before the first mark
     seen_s: time of the last used mark [s]; -inf before the first mark
-    innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) for each frame in the divergence test
+    innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) for each frame of the last test_s
     """
 
     status: Status = Status.INITIALISING
@@ -45,11 +45,11 @@ def after_frame(
     """The health after a frame.
 
     nis: normalised innovation squared (NIS) of the used marks, None without marks; degrees: degrees of freedom of nis
-    disturbance: probability that a disturbance has just moved the tissue
+    disturbance: probability that a disturbance moved the tissue in this frame; confirm_s, lost_s, test_s: in `settings`
 
     Until marks have been used for confirm_s, the status is INITIALISING. Then it is TRACKING in frames with marks, and
-    COASTING in frames without marks. If no marks are used for longer than lost_s, it becomes LOST. The next marks lead
-    to INITIALISING. If the sum of the NIS over test_s is too large, or if more than two disturbances are probable
+    COASTING in frames without marks. If no marks are used for longer than lost_s, the status is LOST. The next marks
+    lead to INITIALISING. If the sum of the NIS over test_s is too large, or if more than two disturbances are probable
     within test_s, the status is DIVERGED and the filter restarts. If the restarted filter agrees with the marks for
     test_s, the status is TRACKING again.
     """
@@ -79,7 +79,7 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of the NIS in `Health.innovations` exceeds the limit that follows from `largest_ratio`."""
+    """Whether the sum of the NIS is larger than the degrees of freedom times `largest_ratio`."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 

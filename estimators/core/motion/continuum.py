@@ -59,7 +59,7 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Diagonal covariance matrix of the coordinates, (n, n). `white` contains the standard deviations."""
+        """Diagonal covariance matrix of the coordinates, (n, n): `FIXED**2` for coordinate 0, else `white**2`."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Jacobian of the end coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,)."""
+        """Matrices of a step of dt [s]: `Along.motion`, (2 n, 2 n + n_f), and decay factor of each force, (n_f,)."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Change of coordinates and velocities per standard deviation of each error of the constants, (2 n, any)."""
+        """`Along.by_constants`, (2 n, any), for a motion over dt [s] from the state `start` to the state `end`."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))

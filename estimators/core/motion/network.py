@@ -123,7 +123,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether slow forces act on each free node: on marked nodes, and on all nodes of a flat body in 3-D."""
+        """For each free node, whether slow forces act on it: yes if it is marked, or if the body is flat and in 3-D."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
@@ -151,7 +151,7 @@ class NetworkMotion:
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """Change of coordinates and velocities per standard deviation of each error of the constants, (2 n, any)."""
+        """`Along.by_constants`, (2 n, any), for a motion from `start` in the steps `moves`."""
         moving = len(start)
         if self._by_constants is None:
             return np.zeros((moving, 0))
@@ -174,7 +174,7 @@ class NetworkMotion:
 
 
 def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
-    """Change of coordinates and velocities over all steps, (2 n, k). Each step has its own accelerations, (n, k)."""
+    """Change of coordinates and velocities after all steps, (2 n, k), by constant accelerations (n, k) in each step."""
     n, k = accelerations[0].shape
     columns = np.zeros((2 * n, k))
     for move, own in zip(moves, accelerations, strict=True):
@@ -190,7 +190,7 @@ def principal(columns: Floats) -> Floats:
 
 
 def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
-    """Square of the body's lowest angular frequency [1/s²], without rigid motions."""
+    """Square of the body's lowest angular frequency [1/s²]. Rigid motions, which have frequency 0, do not count."""
     K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
     values = eigh(K, np.diag(masses), eigvals_only=True)
     return float(values[values > 1e-6 * values[-1]][0])
