@@ -22,7 +22,7 @@ MARKS_SHOWN = 10
 def _table(
     title: str, heads: Sequence[str | Sequence[str]], rows: Iterable[Sequence[str]], caption: str | None = None
 ) -> Table:
-    """A table of these rows. A column is left-aligned if its heading is in a list, otherwise right-aligned."""
+    """A table of these rows. If a heading is a list of one text, its column is left-aligned, else right-aligned."""
     table = Table(title=title, caption=caption)
     for head in heads:
         table.add_column(head, justify="right") if isinstance(head, str) else table.add_column(*head, justify="left")
@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines with counts of frames, a verdict, and causes of the variance; ours: the filter's part of summary.json."""
+    """Lines: frame counts, verdict on the filter, causes of the variance; ours: the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -80,7 +80,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """A row for each mark: errors of its prediction from other marks; ours: the filter's part of summary.json."""
+    """A row for each mark: errors if it is predicted from the other marks; ours: the filter's part of summary.json."""
     heads = [["mark"], "frames", "mean error [mm]", "mean NEES", "error / predicted"]
     rows = [
         [node, str(one["frames"]), *(f"{one[key]:.2f}" for key in ("mean_error_mm", "mean_nees", "ratio"))]
@@ -95,7 +95,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """A row for each of the marks found least often, with the reason; ours: the filter's part of summary.json."""
+    """A row for each of the marks missed most often, with the main reason; ours: the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,7 +109,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """A row for each hue: its share of the picture, and the shares of frames with too few and with too many pixels."""
+    """A row for each hue: its share of the picture; shares of frames in which its area is too small and too large."""
     heads = [["marks"], ["keys"], "median", "least", "largest", "ratio to marks' area", "too few in", "too many in"]
     rows = []
     for row in kinds:
@@ -285,7 +285,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """A row for each point: residual of the fit, error of its prediction from the other points, and expected error."""
+    """A row for each point: residual of the fit; error if the other points predict the point; expected error."""
     keys = ("residual_mm", "left_out_mm", "left_out_expected_mm")
     rows = [[row["name"], *(_number(row[key], ".2f") for key in keys)] for row in report["points"]]
     title, heads = f"Registration by {counted(len(rows), 'point')}", [["point"], "residual", "left out", "expected"]

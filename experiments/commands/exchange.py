@@ -104,7 +104,7 @@ def import_table(
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Convert positions from DeepLabCut or SLEAP into a recording. The scene's camera is used."""
+    """Convert positions from DeepLabCut or SLEAP into a recording. The scene's camera converts pixels to mm."""
     from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
 

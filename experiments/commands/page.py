@@ -30,7 +30,7 @@ TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
 
 RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
 LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
-"""Texts at the end of an option that the page omits: `required`, which the usage shows, and ranges."""
+"""Ends of option descriptions that the page omits: ranges, and `required`, because the usage shows it."""
 
 
 def sections() -> Iterator[str]:
@@ -53,7 +53,7 @@ def sections() -> Iterator[str]:
 
 
 def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
-    """Line on the page and usage text of each argument and option of a command; options in `COMMON` are omitted."""
+    """For each argument and option of a command: line on the page, and usage text. Options in `COMMON` are omitted."""
     for one in command.get_params(context):
         found = one.get_help_record(context)
         if found is None or one.name == "help" or set(one.opts) & COMMON:

@@ -70,7 +70,7 @@ class Run:
     _reported: bool = True
 
     def stage(self, name: str) -> Advance:
-        """Begin a stage of the work; returns a function to call with the completed share, 0 to 1."""
+        """Begin a stage of the work; returns a function that reports the finished share of the stage, from 0 to 1."""
         if self._stage is None:
             self._stage = self.opened.enter_context(progress())
         advance, began = self._stage(name), time.perf_counter()
@@ -142,7 +142,7 @@ class Run:
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
-        """Write the run's provenance and log to an existing folder; named: path of the folder that the log states."""
+        """Write the run's provenance and log to an existing folder; named: the folder's path for the log."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
 

@@ -8,8 +8,8 @@ of the model are also uncertain.
 bodies: one frame of the filter for a cubic grid with springs along edges and diagonals. One grid has 18 free nodes and
 17 marks; the other has 48 free nodes and 40 marks.
 advice: `path_ms_a_second` is the time that the filter takes to predict the target's path for one second, at 30 times.
-`quick_path_ms` is the time to compute the path for 1.5 s from tables. `live_frame_ms` is the time of one live frame: it
-updates and fits the breathing model, computes a path from tables, and evaluates 4 start times of the insertion.
+`quick_path_ms` is the time to compute the path for 1.5 s from tables. `live_frame_ms` is the time of one live frame:
+update and fit of the breathing model, a path from tables, and evaluation of 4 start times of the insertion.
 `advise_plane_ms` and `advise_space_ms` are the times to evaluate 21 start times within 2 s for a known path.
 `plan_500_paths_ms` is the time to plan 500 straight paths; `hit_probability_ms` is the time for one hit probability.
 recording: times per frame for advice, tuning and smoothing, see `experiments.studies.bench_recording`.
@@ -256,7 +256,7 @@ def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
 
 
 def detect(n_frames: int = 60) -> dict[str, float]:
-    """Time to find marks in whole pictures, near expected positions, and by OpenCV's blob detector [ms]."""
+    """Times to find marks [ms]: in whole pictures, near expected positions, and with OpenCV's blob detector."""
     rng = np.random.default_rng(0)
     radius, names = 12.0, ("M1", "M2", "M3", "M4")
     homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])

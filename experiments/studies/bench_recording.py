@@ -52,7 +52,7 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Median of durations [ms], without the first tenth; seconds: durations in the order of measurement [s]."""
+    """Median [ms] of the durations after the first tenth; seconds: durations in the order of measurement [s]."""
     return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 

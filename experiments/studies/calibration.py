@@ -31,7 +31,7 @@ from vision import Lens, PlaneCamera, Pose, posed_camera
 MARK_SD_M = 0.0005
 ERRORS_M = (0.0003, 0.001, 0.002)
 SETTLED = 15
-"""Number of frames at the start that are ignored."""
+"""Number of frames at the start of a run that are not evaluated."""
 
 FILTERS = (INDEPENDENT, CONSIDERED) = "independent", "considered"
 
@@ -40,8 +40,9 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Sizes of independent errors of the camera before they are scaled; choice. Whole: lens and pose have errors as after a
-calibration with a dozen pictures. Turned: the lens is exact; rotation about the optical axis and distance are wrong."""
+"""Independent errors of lens and pose, one per row; columns: see `Calibration.uncertainty`; choice. WHOLE: errors as
+after a calibration with a dozen pictures. TURNED: the lens is exact; the rotation about the optical axis and the
+position are wrong. `miscalibrated_camera` scales the errors."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -53,7 +54,7 @@ Run = dict[str, tuple[Floats, Floats]]
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
-    """A camera in front of the phantom. A calibration error displaces marks at rest; error_m: rms displacement [m]."""
+    """A camera in front of the phantom; error_m: rms displacement of marks at rest by the calibration error [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",

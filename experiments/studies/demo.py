@@ -50,8 +50,8 @@ def demo(
     """Write recordings and tracks of both scenarios to the folder `out`; returns figures by scenario and method.
 
     vector: second file format of each plot, "pdf" or "svg"; None for no second file
-    stage: function of the name of a part of the work. It begins the part, and returns a function to report the progress
-        of the part, from 0 to 1.
+    stage: function that begins a part of the work, with the part's name as argument. The function returns another
+        function, which reports the progress of the part, from 0 to 1.
     """
     from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 

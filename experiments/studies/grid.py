@@ -36,8 +36,10 @@ def study_options(
     """Parser of a study's options.
 
     doc: docstring of the study's module; its first line becomes the description
-    out: whether there is an option --out; page: page of docs/ whose tables --page rewrites, empty for no such option
-    seeds: defaults for number of runs and first seed, or None; runs: name of the option for the number of runs
+    out: whether there is an option --out
+    page: page of docs/ whose tables the option --page rewrites; if empty, there is no such option
+    seeds: default number of runs and default first seed; if None, there are no such options
+    runs: name of the option for the number of runs
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)

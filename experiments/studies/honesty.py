@@ -1,4 +1,4 @@
-"""Share of frames with the target in the filter's 95 % region, for different noise of marks and exact constants.
+"""Coverage of the filter's 95 % region for different noise levels of the marks. The filter knows the exact constants.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
@@ -8,8 +8,9 @@ scene states is exact, ten times too large, or three times too small. The body i
 breath (1, 2 or 4 m/s², period 3 to 6 s), by short forces (5 m/s²), or by both. The first second is not evaluated.
 
 Latest coverage of both phantoms, with seeds 500 and 501. If the stated noise is exact, 59 of 60 cases have 97 to 100 %,
-and the light phantom with a breath of 4 m/s² and 0.3 mm of noise has 81 %. If it is too large, all cases have 88 to
-100 %. If it is too small, cases with at most 4.14 mm of true noise have 88 to 100 %, other cases 56 to 93 %.
+and the light phantom with a breath of 4 m/s² and 0.3 mm of noise has 81 %. If the stated noise is too large, all cases
+have 88 to 100 %. If the stated noise is too small, cases with at most 4.14 mm of true noise have 88 to 100 %, other
+cases 56 to 93 %.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ PUSHES = {
     "pokes": Pushes(5.0, 0.0),
     "both": Pushes(5.0, 2.0),
 }
-"""Forces on the body by name: accelerations [m/s²] by short forces, then by a breath with a period of 3 to 6 s."""
+"""Forces on the body by name. Accelerations [m/s²]: by short forces; by a breath with a period of 3 to 6 s."""
 
 AFTER_S = 1.0
 """Time of the first evaluated frame [s]."""

@@ -158,8 +158,8 @@ PARTS = {
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over boxes for each structure and method, with two errors of Young's modulus.
 
-    `largest_mean_error`: error averaged over boxes, in the direction with the largest average
-    `largest_error`: largest error in any box and any direction
+    `largest_mean_error`: for each direction, the mean error over boxes; of these means, the largest magnitude
+    `largest_error`: largest magnitude of the error in any box and any direction
     """
     by = ["structure", "method"]
     true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]
@@ -206,7 +206,7 @@ COLORS = ("0.75", OURS, VERMILLION)
 """Colours of the springs in the surrounding tissue, and in the tissues of the structure."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Coordinate y of the drawn plane divided by the side of the box, by structure; for other structures, it is 0.5."""
+"""By structure, the coordinate y of the drawn plane divided by the side of the box; 0.5 for all other structures."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
@@ -260,7 +260,7 @@ def _draw_moduli(ax: Axes, young_kpa: pd.DataFrame) -> None:
 
 
 FITTED_SEEDS = range(4)
-"""Seeds of the boxes to which factors are fitted. The reported boxes have other seeds; choice."""
+"""Seeds of the boxes to which the correction factors are fitted. The reported boxes have other seeds; choice."""
 
 CELLS = 10
 """Number of cells along a side of a box; choice: a box takes some seconds."""

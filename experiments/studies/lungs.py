@@ -57,7 +57,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of n landmarks on the hull, chosen far from each other; if n is None, of all landmarks on it."""
+        """Indices of landmarks on the hull: n landmarks that are far from each other, or all landmarks if n is None."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -65,7 +65,7 @@ class Lung:
 
 
 def read_lungs(folder: Path) -> list[Lung]:
-    """Both lungs of each table `case*.csv` in a folder, in the order of file names. Raises InputError if no table."""
+    """Both lungs of each table `case*.csv` in a folder, ordered by name. Raises InputError if there is no table."""
     paths = sorted(folder.glob("case*.csv"))
     if not paths:
         raise InputError.at(folder, "case1.csv and others", "none" if folder.is_dir() else "no folder")
@@ -73,13 +73,13 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, on both sides of the widest gap along x. Raises InputError for a wrong table."""
+    """The two lungs of a table. The widest gap along x separates the lungs. Raises InputError for a wrong table."""
     positions = _by_phase(read_table(path, COLUMNS))
     return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """For each side, a mask of the landmarks in this lung, (n_landmarks,); places: positions, (n_landmarks, 3)."""
+    """Masks of the landmarks in the right and in the left lung, (n_landmarks,); places: positions, (n_landmarks, 3)."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -87,7 +87,7 @@ def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
 
 
 def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
-    """The convex hull of the points `places`, (n, 3). Raises InputError if the points do not span a volume."""
+    """The convex hull of `places`, (n, 3). If it has no volume, raises InputError with the names of file and side."""
     try:
         return ConvexHull(places)
     except (QhullError, ValueError):
@@ -132,7 +132,7 @@ class LungConstants:
     strand_n: stiffness of a spring times its length [N]; choice: 2 kPa times 20 mm x 20 mm, as for a strand of tissue
     damping_s: ratio of a spring's damping to its stiffness [s]; choice
     mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
-    reading_sd_m: sd of a landmark's measured position on each axis [m]; source: readers differ by about 1 mm
+    reading_sd_m: sd of a landmark's measured position on each axis [m]; source: two persons differ by about 1 mm
     """
 
     strand_n: float = 0.8
@@ -176,7 +176,7 @@ SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
 
 
 def by_spline(lung: Lung, seen: str) -> pd.DataFrame:
-    """Errors of a thin-plate spline, and errors of estimates without motion; seen: one of `SEEN`.
+    """Errors of a thin-plate spline, and errors if all landmarks are assumed to be at rest; seen: one of `SEEN`.
 
     Each inner landmark has a row for each phase after the first.
     """
@@ -237,7 +237,7 @@ HEAD = (
 
 
 def markdown(errors: pd.DataFrame) -> str:
-    """The table in Markdown, and below it why the filter failed; errors: the rows of `inner_landmarks` for all jobs."""
+    """Table in Markdown, and below it the number of failed runs for each reason; errors: rows of `inner_landmarks`."""
     rows = []
     for seen in SEEN:
         own = errors[errors["seen"] == seen]

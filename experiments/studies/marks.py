@@ -57,13 +57,13 @@ FIRST_SEED = 10_000
 VISIBLE = 0.5
 """A mark counts as visible if more than this share of its area is visible."""
 FAR_PX = 4.0
-"""Error above which a detection counts as far [px]. The rms error includes far detections."""
+"""A detection with a larger error than this [px] counts as far. The rms error includes far detections."""
 PREDICTED_SD_PX = 3.0
-"""Standard deviation of a mark's expected position on each axis [px]; larger than that of `TissueFilter` at 1 mm/px."""
+"""Standard deviation of a mark's expected position on each axis [px]. At 1 mm/px, that of `TissueFilter` is smaller."""
 
 
 def run(case: Case) -> list[dict[str, object]]:
-    """Detect the marks in a run. A row for each mark and frame has the error [px] and its variances [px²]."""
+    """A row for each mark and frame of a run: error of the detection [px], and variances of the detection [px²]."""
     frames = iter(synthetic_run(case["seed"], case["n_frames"], case["level"]))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
@@ -132,8 +132,8 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     """Follow two marks of one hue that cross and touch; their relative speed is 2 px per frame or more.
 
-    A filter with constant velocity predicts each mark. If a detection is nearer to the true position of the other mark
-    while the marks do not touch, the marks are exchanged. Returns the numbers of exchanges and of frames.
+    A filter with constant velocity predicts each mark. A detection counts as an exchange if it is nearer to the
+    true position of the other mark while the marks do not touch. Returns the numbers of exchanges and of frames.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])

@@ -4,7 +4,7 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and a ball half covered by a hand. The hue of a ball is learned from one position in a frame. DIR gets real-balls.json,
+and a ball half covered by a hand. The hue of a ball is learned at one position in one frame. DIR gets real-balls.json,
 and for each film a table of its frames. Latest figures: docs/real-film.md.
 """
 
@@ -41,9 +41,9 @@ class Film:
 
     path: path in the folder of real pictures
     click: number of a frame, and coordinates u, v of the ball in this frame [px]; radius_px: its radius in this frame
-    jolt_px: amplitude density of the ball's white acceleration in the picture [px/s²/sqrt(Hz)]
+    jolt_px: amplitude density of the ball's white-noise acceleration in the picture [px/s²/sqrt(Hz)]
     focal_px: focal length of the camera, assumed as typical for telephones
-    size_sd: relative sd of the expected size; follow_size: share of the size's error that a new detection corrects
+    size_sd: relative sd of the expected size; follow_size: share of this size's error that a detection corrects
     """
 
     path: str
@@ -63,18 +63,18 @@ FILMS = {
 
 
 START_SD_PX = 5.0
-"""Standard deviation on each axis [px] of the given positions in the first frame; choice."""
+"""Standard deviation of the given positions in the first frame on each axis [px]; choice."""
 GONE = 10
-"""Number of frames without a detection after which a mark is searched in the whole picture; choice."""
+"""After more frames than this without a detection, a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
 """Standard deviation of a mark's velocity when the mark is first detected [px/s]; choice."""
 
 
 class PxFollower:
-    """Tracker of marks in the picture, frame by frame, without a model of their body.
+    """Tracks each mark in the picture separately, frame by frame. No model connects the marks.
 
     hues: colour range of each mark, by its name
-    jolt_px: amplitude density of a mark's white acceleration in the picture [px/s²/sqrt(Hz)]
+    jolt_px: amplitude density of a mark's white-noise acceleration in the picture [px/s²/sqrt(Hz)]
     starts_px: known positions of marks in the first frame, (2,) for each mark; other marks may be anywhere
     filters: a Kalman filter for each mark that is followed, by the mark's name
     """
@@ -171,7 +171,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
 
 
 def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
-    """Errors of the detected ball relative to labels [px], along axes on which both edges of the ball are visible."""
+    """Errors of sharp balls relative to labels [px], along axes on which both edges of the ball are visible."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
@@ -191,7 +191,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """The figures of `against_labels` for the only mark in the track of a film; film: its name in the labels."""
+    """Figures of `against_labels` for a track with one mark; film: name of the film in the labels."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):

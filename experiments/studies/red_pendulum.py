@@ -67,10 +67,10 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Plane in which the ball swings. Its origin is the hook. Its unit of length is what one pixel covers at the hook.
+    """Plane in which the ball swings. Its origin is the hook. Its unit is the height that a pixel covers at the hook.
 
     narrowing: cosine of the angle between this plane and the picture's plane
-    nearing: relative increase of the distance from the camera, per unit of length to the right
+    nearing: relative increase of the distance from the camera if a point moves by one unit to the right
     center_px: intersection of the optical axis with the picture, (2,)
     radius_px: length of the cord in units of the plane
     """
@@ -206,7 +206,7 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Mask of the frames without the mark, (n_frames,): from offset_s [s] on, the first 0.3 s of each second."""
+    """Mask of the frames without the mark, (n_frames,): the first 0.3 s of each second, counted from offset_s [s]."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 

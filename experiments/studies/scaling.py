@@ -1,7 +1,7 @@
 """Cost of an estimate for meshes of different sizes: breasts of 1,000 to 14,000 nodes with 40 marks.
 
 A separate process measures each mesh; its figures are a row of the table.
-prepare_s: time from the mesh to the first estimate; cached_s: time from a prepared network to the first estimate
+prepare_s: time to prepare a mesh and compute the first estimate; cached_s: time if the network is already prepared
 ms_per_estimate: median time of an estimate while the body bends; memory_mb: peak memory of the process
 
     python -m experiments.studies.scaling      # writes docs/images/scaling.png, and the table of docs/meshes.md

@@ -31,7 +31,7 @@ HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodie
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""Figures that are compared. If one of them differs with and without a mechanism, the mechanism changes the run."""
+"""Figures that are compared. If one of them changes when a mechanism is turned off, the mechanism changes the run."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
     most, least: largest `error` and lowest `covered` of a single body, each with the body's name
     changed: number of bodies with a change; bodies: number of all bodies; failed: number of runs that ended early
 
-    `error` and `covered` omit the bodies without a change, unless no body has one.
+    If any body has a change, `error` and `covered` omit the bodies without a change.
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []

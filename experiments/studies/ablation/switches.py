@@ -31,7 +31,7 @@ class Switch:
     Attributes
     ----------
     code : str
-        Names of the mechanism's functions and classes in `estimators.core`, then its number of lines elsewhere.
+        Names of the mechanism's functions and classes in `estimators.core`, then the number of its other lines of code.
     disturbances, discrepancy, settings : mapping
         Changed fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
     knows_constants : bool

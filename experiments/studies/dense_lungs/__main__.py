@@ -41,9 +41,10 @@ WORDS = {
 
 
 def table_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each method with each place and number of marks. If the method failed in a lung, its figures are NaN.
+    """A row for each method with each place of the marks and each number of marks.
 
-    coverage95: coverage of the 95 % region, NaN for methods without a covariance; n: number of hidden landmarks
+    mae_mm: mean error [mm], NaN if the method failed in a lung
+    coverage95: coverage of the 95 % region, NaN also for methods without a covariance; n: number of hidden landmarks
     """
     rows = []
     for (where, marks, method), own in runs.groupby(["where", "marks", "method"], sort=False):
@@ -81,7 +82,7 @@ def _number(value: float, form: str) -> str:
 def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
     """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants.
 
-    Returns a row for each method and each hidden landmark: the error, the NEES, and the reason why the method failed.
+    Returns a row for each method and each hidden landmark: the error, the NEES, and if the method failed, the reason.
     Methods without a covariance have no NEES.
     """
     lung, where, n, constants = job

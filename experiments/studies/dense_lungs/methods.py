@@ -31,8 +31,8 @@ WHERE = ("all", "front")
 """Places of marks: all around the lung, or only where y exceeds the median of all landmarks."""
 
 NEAR, DEEP = 0.03, 0.075
-"""Marks are at most NEAR below the convex hull, and hidden landmarks more than DEEP. Both depths are divided by the
-longest extent of the lung; choice."""
+"""Largest depth of a mark, and least depth of a hidden landmark [1]; choice. A depth is the distance below the convex
+hull divided by the longest extent of the lung."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, on both sides of the widest gap along x. Raises InputError for a wrong table."""
+    """The two lungs of a table. The widest gap along x separates the lungs. Raises InputError for a wrong table."""
     table = read_table(path, COLUMNS)
     if table.n_rows < 2:
         raise InputError.at(path, "rows of two lungs", f"{table.n_rows}")
@@ -109,11 +109,11 @@ FIELD_M = 0.06
 """Correlation length of the Matern field [m]; choice."""
 
 LEVELS_M = np.geomspace(0.2e-3, 50e-3, 25)
-"""Candidates for the standard deviation [m] of the Matern field. The marginal likelihood selects one; numerical."""
+"""Candidates for the standard deviation of the Matern field [m]. The marginal likelihood selects one; numerical."""
 
 LARGE_M = 1.0
-"""Standard deviation of the trend's constant part, and of its linear part at 0.1 m from the marks' centre [m];
-numerical."""
+"""Prior standard deviations [m] of the affine displacement in `by_field`: constant part, and linear part at 0.1 m
+from the marks' centre; numerical."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,8 @@ class DenseConstants:
     """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a measured position on each axis [m]; source: mean distance between readers, 1 mm, divided by 1.6
+    scatter_m: sd of a measured position on each axis [m]; source: positions by two persons differ by 1 mm
+        on average, which is 1.6 sd.
     disturbances, discrepancy: priors of the filter
     """
 
@@ -247,7 +248,7 @@ def by_linear(task: Task) -> Found:
 
 
 def by_field(task: Task) -> Found:
-    """Estimate by a Gaussian process with affine trend and Matern covariance. Its sd maximises the likelihood."""
+    """Estimate by a Gaussian process with affine trend and Matern covariance. The likeliest of `LEVELS_M` is used."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before

@@ -10,8 +10,8 @@ divided by its standard error.
 Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or a phantom
 with five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz
 on every mass, Coulomb friction, and half-sine forces on one marked mass at a time (`experiments/scenarios/poked.toml`).
-The scene's constants have random errors. These and the prior of the fit have the standard deviations `PRIOR_SD`. Each
-fit starts from the scene's constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
+The scene's constants have random errors with the standard deviations `PRIOR_SD`. The prior of the fit has the same
+deviations. Each fit starts from these constants. Development used seeds 0 to 39; the page uses seeds 1000 to 1019.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PRIOR_SD: Mapping[str, float] = {
     "drag": 0.3,
     "friction": 0.3,
 }
-"""Relative standard deviations of the errors in the scene's constants; the prior of the fit has the same ones."""
+"""Relative standard deviations of the errors in the scene's constants. The prior of the fit has the same deviations."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
 
@@ -121,7 +121,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """Fit the constants; returns a row for each: error of its logarithm before and after the fit, standard error."""
+    """A row for each fitted constant: errors of its logarithm before and after the fit, and the standard error."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))

@@ -5,9 +5,9 @@
     python -m experiments.studies.estimation.study --out study --page      # rewrite the tables of the page, too
 
 The folder stores runs in `runs` and true motions in `truth`; an interrupted study continues there. SciPy's RK45
-computes the truth with friction and tremor. In the scenario `poked`, half-sine forces act on one mass at a time. In
-the scenario `shoved`, half-sine forces accelerate all outer masses simultaneously by 10 m/s², and the target swings by
-70 to 140 mm. The true tissue is always the phantom. Only the filter's model has wrong constants.
+computes the true motion, which includes friction and tremor. In the scenario `poked`, half-sine forces act on one mass
+at a time. In the scenario `shoved`, half-sine forces accelerate all outer masses simultaneously by 10 m/s², and the
+target swings by 70 to 140 mm. The true tissue is always the phantom. Wrong constants occur only in the filter's model.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ UNREPORTED_S = 0.5
 """Time within which a filter must report a large error [s]."""
 
 TREMOR = 0.05
-"""Amplitude density [m/s²/sqrt(Hz)] of the white acceleration that acts on each free node in the shipped scenarios."""
+"""Amplitude density of the white-noise acceleration on each free node in the shipped scenarios [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
 """Evaluated parts of a run: their names and their first frames. Each part lasts to the end of the run."""
@@ -63,7 +63,8 @@ Row = dict[str, float | int]
 def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run: mean errors [mm], coverage, mean NEES, and whether the error was ever large.
 
-    diverged: whether the status was TRACKING while the error exceeded FAR_M, for UNREPORTED_S or in the last frame
+    diverged: whether the error exceeded FAR_M while the status was TRACKING, either throughout a period of
+        UNREPORTED_S or in the last frame
     ever_far: whether the error exceeded FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M
@@ -148,7 +149,7 @@ def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """For each of `SECTIONS`, a row with mean square error and posterior Cramér-Rao bound in a run of `quiet`."""
+    """A row for each of `SECTIONS` of a `quiet` run: the filter's mean square error, posterior Cramér-Rao bound."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -169,7 +170,7 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def by_start(runs: pd.DataFrame) -> dict[str, Row]:
-    """For each of `SECTIONS`, a row with RMSE over all runs, posterior Cramér-Rao bound, and ratio of the two."""
+    """A row for each of `SECTIONS`: the filter's RMSE over all runs, posterior Cramér-Rao bound, and their ratio."""
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
         rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
@@ -218,7 +219,7 @@ HARD = {
     "over 40 mm": "{runs_ever_far}/{runs}",
     "coverage": "{coverage95:.1%}",
 }
-"""Columns of the tables of the parts: the heading, and a format string for a row's figures."""
+"""Columns of a table: headings, and format strings for the figures of a row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +228,7 @@ class Part:
 
     work: function that does a run; rows: function that computes labelled rows of the table from all runs
     columns: heading and format string of each column; axes: values of all keys of a case except the seed
-    more: factor on the number of runs; first: first seed of the runs
+    more: factor by which the number of runs is multiplied; first: first seed of the runs
     """
 
     work: Callable[..., Any]

@@ -38,7 +38,7 @@ EXACTLY = FilterSettings(discrepancy=EXACT)
 class Trial:
     """One run: a shipped scenario with changes.
 
-    mark_sd_m: sd of the marks' noise on each axis [m]; strength: factor on the short forces; lost: share of lost marks
+    mark_sd_m: sd of the marks' noise on each axis [m]; strength: factor of the short forces; lost: share of lost marks
     outliers: share of marks that are 30 to 150 mm from their true positions, in any direction
     """
 
@@ -86,7 +86,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """True positions of free nodes at the rate KNOTS_PER_S [m], (n_times, n_free, dim), kept in the folder `cache`."""
+    """True positions of free nodes [m], (n_times, n_free, dim), `KNOTS_PER_S` per second; kept in folder `cache`."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,

@@ -20,7 +20,7 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""Time from the first exposure to the onset of a fault [s]: long enough to make the breathing model ready."""
+"""Time from the first exposure to the onset of a fault [s]: long enough to fit the breathing model."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
@@ -30,11 +30,11 @@ HIDDEN_S = 2.0
 """Time limit for a fault that no single frame shows [s]. By then, the fault must be displayed, or the covariance must
 cover the error that the fault causes; a requirement."""
 WRONG = 0.999
-"""Probability of a region around the mean; the estimate may be wrong if the truth is outside it, see `is_wrong`."""
+"""Probability that a region around the mean contains the truth. `is_wrong` uses this region."""
 LEAST_M = 1e-3
 """If the target's error is at most this length [m], the estimate is not wrong; choice: too small to affect a needle."""
 STALE_S = 0.2
-"""Largest age of a state that may show GO [s]; a requirement."""
+"""If the displayed state is older than this [s], GO must not be displayed; a requirement."""
 STEADY_S = 0.5
 """Time without faults after which a run has recovered [s]; choice."""
 
@@ -121,7 +121,7 @@ class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
     name: name of the fault in the table; what: a short description of the fault
-    lasts_s: duration of the fault, which begins at ONSET_S [s]; inf if it lasts to the end of the run
+    lasts_s: duration of the fault [s]; inf if the fault lasts to the end of the run. The fault begins at ONSET_S.
     within_s: time limit after the onset [s]. By then, the fault must be displayed, or the covariance must cover the
         error that the fault causes.
     alone: whether the run is in real time, so that no other run may use the machine
@@ -151,7 +151,7 @@ def quiet_folder() -> Iterator[Path]:
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
-    """Whether the truth [m], (dim,), is over `LEAST_M` from the mean and outside the 99.9 % region, see `WRONG`."""
+    """Whether the covariance is unknown, or the error exceeds `LEAST_M` and the truth is outside the 99.9 % region."""
     is_near = cov is not None and np.isfinite(cov).all() and np.linalg.norm(truth_m - mean) <= LEAST_M
     return not (is_near or covers(mean, cov, truth_m, WRONG))
 
@@ -188,7 +188,7 @@ def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The fault text displayed most often (numbers in it may vary); if there is none, the first event message."""
+    """The fault text displayed most often, where numbers do not matter; if there is none, the first event message."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -198,7 +198,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Start of the first STEADY_S in which no fault is displayed and no estimate is wrong [s]; None if never."""
+    """Start of the first period of `STEADY_S` without displayed fault or wrong estimate [s]; None if there is none."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -37,9 +37,9 @@ FRAME_S = 0.05
 STARTS_S = 60.0
 """Time limit for the appearance of a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""If less than this time of the film is left [s], the run is not interrupted: it ends with the film."""
+"""If the rest of the film is shorter than this [s], the run is not interrupted: it ends with the film."""
 ENDS_S = 20.0
-"""Time limit from Ctrl-C or the end of the film to the end of the run's main process [s]."""
+"""Time limit for the end of the run's main process [s], counted from Ctrl-C or from the end of the film."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
@@ -100,7 +100,7 @@ def filmed(seed: int, duration_s: int) -> Film:
 class Terminal:
     """Reads the output of a process in a thread.
 
-    text: the output that has been read so far; read: whether the thread reads the output now
+    text: the output that has been read so far; read: if false, the thread pauses
     """
 
     def __init__(self, *sources: int) -> None:
@@ -217,7 +217,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """Send Ctrl-C unless the film ends soon; returns the end of the evaluated period, as time of the film [s]."""
+        """Send Ctrl-C unless the film ends soon; returns the film time at which the evaluated period ends [s]."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -246,7 +246,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Time from the end of the stored data to the last frame shown [s]; frames shown after until_s do not count."""
+        """Time from the end of the stored data to the last frame that the viewer showed before the time until_s [s]."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -257,7 +257,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Times on the film's clock [s] of the last row in each table, and of the last recorded picture."""
+        """Film times of the last row in each table, and of the last recorded picture [s]."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

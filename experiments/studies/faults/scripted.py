@@ -41,7 +41,7 @@ DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """Time from exposure to arrival [s]: half a frame interval plus 5 ms of read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that runs without a fault nearly always display GO, which a fault must end."""
+"""Radius of the lesion [m]: so large that runs without a fault nearly always display GO."""
 ABOVE_M = 0.03
 """Distance from the needle's entry to the target at rest [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -51,7 +51,7 @@ Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
 Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
-"""Function that changes the camera's reads during a fault; its last argument is the duration of the fault [s]."""
+"""Function that changes the list of `Arrival`s during a fault; last argument: duration of the fault [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class ScriptedFault(Fault):
     """A `Fault` that a script simulates.
 
     picture: function that changes a picture; covered: nodes whose marks are covered in the pictures
-    places: function that displaces nodes before they are drawn [m]; arrivals: function that changes the camera's reads
+    places: function that displaces nodes before they are drawn [m]; arrivals: function that changes the `Arrival`s
     becomes: function that changes the true network at the onset; assumed: function that changes the filter's scene
     needle: a needle with a tracker; None if the needle is not tracked, so that the advice is for the planned path
     upsets: function that disturbs the live session, called once at the onset
@@ -103,7 +103,7 @@ class ScriptedFault(Fault):
 
 
 class Watching(Publisher):
-    """A `Publisher` that stores what a live run displays from the time since_s [s] on.
+    """A `Publisher` that stores what a live run displays. It stores nothing before the time since_s [s].
 
     reported: function that returns the event messages that are new since the last call of the function
     moments: what was displayed so far; needle: true pose of the needle now
@@ -171,7 +171,7 @@ def displayed(
     *,
     rehearse: bool = True,
 ) -> list[Moment]:
-    """What a live run on scripted frames displays; attend: called with the session in each turn of its loop."""
+    """What a live run on scripted frames displays; attend: called with the session in each turn of the run's loop."""
     clock = partial(getattr, frames, "now_s")
     session = Session(
         scene,
@@ -194,7 +194,7 @@ def misses(needle: NeedlePose, truth_m: Floats) -> bool:
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """Plan of a needle that starts near the target: runs without a fault display GO at any phase of the breath."""
+    """Plan of a needle so near the target that runs without a fault display GO at any phase of the breath."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

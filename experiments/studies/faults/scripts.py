@@ -33,7 +33,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """A fault that drops reads of the camera; keeps: function that returns whether read k after the onset remains."""
+    """A fault that drops `Arrival`s; keeps: function that returns whether arrival k after the onset remains."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
@@ -257,7 +257,7 @@ BEND_RAD = np.deg2rad(90.0)
 BESIDE_M = 0.025
 """Distance between a needle's line and the planned line [m]; on the planned line, the advice would be GO."""
 DENT_M, DENT_N = 0.005, 2.0
-"""Depth of the dent by a needle that does not puncture the skin [m], and force of this needle on the skin [N]."""
+"""For a needle that dents the skin without a puncture: depth of the dent [m], and the needle's force [N]."""
 THROWN_M = 0.08
 """Displacement of all nodes in the filter's state on each axis [m]."""
 

@@ -68,7 +68,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
 
     covered: number of runs without a wrong estimate after the time limit for detection
     go_shown_while_faulty, go: sums over seeds
-    sigma_ratio: largest standard deviation during the fault divided by median before the fault; median over seeds
+    sigma_ratio: median over seeds of the ratio `sigma_most_mm / sigma_before_mm`, see `Judged`
     ended: how runs in separate processes ended; lacks_s: largest `Judged.lacks_s` [s]
     """
     rows = []
@@ -122,7 +122,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults, grouped by the `beginning` of their text in the column `shown`."""
+    """Descriptions of faults, grouped by the `beginning` of the text displayed for them (column `shown`)."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -134,7 +134,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def beginning(shown: str) -> str:
-    """The first two parts of a displayed text, as status and reason. If both are alike, only the first."""
+    """Status and reason, the first two parts of a displayed text; only the status if the reason repeats it."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
@@ -150,6 +150,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md. Below it: how many displays of GO were wrong, and how many there were in all."""
+    """The list of docs/faults.md, and a line with the numbers of wrong displays of GO and of all displays of GO."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

@@ -25,7 +25,7 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""Time from the end of a fault to the end of the run [s]. If the fault never ends, time from its onset."""
+"""Time from the end of a fault to the end of the run [s]. If the fault never ends, this time begins at the onset."""
 STARTS_S = 12.0
 """Time limit from the start of the film to the first displayed state [s]: four times the usual duration."""
 JITTER_S = 1.0
@@ -103,12 +103,12 @@ class SystemFault(Fault):
 
 
 def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
-    """What a viewer showed before the film's time until_s [s]. In the result, the onset of the fault is at ONSET_S."""
+    """What a viewer showed before the film was at until_s [s]. Times are shifted so that the onset is at ONSET_S."""
     return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait until the film's time time_s [s]. If the process ended before it sent a state, do not wait."""
+    """Wait until the film is at time_s [s]. If the process ended before it sent a state, do not wait."""
     while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 

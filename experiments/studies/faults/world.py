@@ -42,7 +42,7 @@ BEGAN_S = 100.0
 """Time on the script's clock at the first exposure [s]."""
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
-"""Number of times per frame interval at which the true positions are computed."""
+"""The true positions are computed at this number of times in each frame interval."""
 GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
 """Kinds of events that are not faults."""
@@ -87,7 +87,7 @@ def moved(
     at_s: float,
     pushed: Force | None = None,
 ) -> Motion:
-    """The phantom's motion. At the time at_s [s], the function `becomes` changes its network.
+    """Motion of the phantom. At the time at_s [s], `becomes(network)` replaces the network.
 
     pushed: a force in addition to those of the scenario
     """
@@ -135,9 +135,9 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """A read of the camera.
+    """Result of one call that reads a frame from the camera.
 
-    at_s: time at which the read returned [s]; image: None if the read failed
+    at_s: time at which the call returned [s]; image: None if the call failed
     stated_s: exposure time by the camera's clock [s], None if the camera states none
     """
 

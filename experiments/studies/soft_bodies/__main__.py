@@ -31,7 +31,7 @@ from experiments.studies.zoo.run import thin_plate_weights
 
 MARK_SD_M = 5e-4
 SKIPPED = 15
-"""Number of frames at the start that no figure uses."""
+"""Number of frames at the start of a recording that are not evaluated."""
 
 
 def run(job: Case) -> dict[str, float]:

@@ -31,7 +31,7 @@ STEPS = 2
 """Number of steps per frame; numerical."""
 
 CONVERGED = 1e-6
-"""Change of the velocity that ends an iteration [m/s]; numerical."""
+"""If an iteration changes the velocity by less than this [m/s], the iterations end; numerical."""
 
 SLOW, MOST = 6, 40
 """After `SLOW` iterations, the matrix is factored again; after `MOST` more iterations, the step fails; numerical."""
@@ -91,7 +91,7 @@ def _step(
 
 
 UNCERTAIN = 0.35
-"""Standard deviation of the natural logarithm of stated / true stiffness: 95 % of ratios are between 1/2 and 2."""
+"""Standard deviation of `log(stated stiffness / true stiffness)`: 95 % of the ratios are between 1/2 and 2."""
 
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
@@ -102,11 +102,11 @@ TRUTH, GIVEN = (11, 8), (10, 7)
 """Numbers of cells across and in depth: TRUTH for the true breast, GIVEN for the filter's model of the breast."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
-"""Motion of a moving wall: shift in each breath [m], range of the rotation in each breath [rad], and a lasting shift
-that happens once within a second [m]."""
+"""Motion of a moving wall: shift in each breath [m], range of the rotation in each breath [rad], and size of a single
+lasting shift, which takes one second [m]."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
-"""Gravity [m/s²]; time step [s] of the finite differences that give a moving wall's acceleration, numerical."""
+"""Gravity [m/s²]; time step of the finite differences for the acceleration of a moving wall [s], numerical."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
@@ -120,7 +120,7 @@ PRESSURE_PA = (300.0, 1500.0)
 class Recording:
     """The true motion of a body, and a model of the body.
 
-    network: model of the body, which the methods use. Free nodes: marks and target; other nodes are on the wall.
+    network: model of the body, which the methods use. Its free nodes are marks and target. The others are on the wall.
     positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 

@@ -29,7 +29,7 @@ from experiments.studies.zoo.run import record_of
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Upper bounds of the mean error ratio and of each error ratio; lower and upper bound of the coverage."""
+    """Largest permitted mean of the error ratios, largest ratio of a row, and least and largest coverage of a row."""
 
     mean_ratio: float
     worst_ratio: float
@@ -46,14 +46,14 @@ UNDECIDED = ("chain2", "chain3")
 
 FIGURES = ["error_m", "open_loop_m", "spline_m", "covered", "nees", "ms_a_frame"]
 COUNTS = ["non_finite", "wrong_tracking", "repairs"]
-"""Columns of a run. A row of the table has the means of `FIGURES` and the sums of `COUNTS` over its runs."""
+"""A row of the results has the sums of these columns over its runs, and the means of the columns `FIGURES`."""
 
 
 def cells_of(table: pd.DataFrame) -> pd.DataFrame:
     """A row for each body with one scale and one kind of constants; table: a row for each run, see `run.run`.
 
     runs: number of runs; failed: number of runs that ended early or did not start; failure: reason of the first failure
-    filter_mm, open_loop_mm, spline_mm: mean errors [mm]. If a run lacks one of them, its mean is NaN.
+    filter_mm, open_loop_mm, spline_mm: mean errors over runs [mm]; NaN if the error of a run is missing
     ratio: the filter's error divided by the smaller error of open loop and spline
     covered: coverage of the 95 % region; nees: mean NEES per dimension; ms_a_frame: mean time per frame [ms]
     non_finite, wrong_tracking: sums over runs, see `hidden_scores`; repairs: number of numerical repairs in all runs
@@ -102,7 +102,7 @@ def faults(cell: Any) -> list[str]:
 
 
 def summary(cells: pd.DataFrame) -> str:
-    """Lines in Markdown for each kind of constants: number of rows within all bounds, mean and worst error ratio."""
+    """A line in Markdown for each kind of constants: number of rows within `BOUNDS`, mean and largest `ratio`."""
     lines = []
     for constants, bounds in BOUNDS.items():
         own = cells[cells["constants"] == constants]

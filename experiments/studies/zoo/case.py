@@ -49,12 +49,12 @@ class Case:
 
     @property
     def scale(self) -> Scale:
-        """Factors on the body's size, stiffness and mass."""
+        """Factors by which the body's size, stiffness and mass are multiplied."""
         return Scale(self.size, self.stiffness, self.mass)
 
     @property
     def cell(self) -> str:
-        """Name of the case's row in the table: the body, then the scale; for unscaled bodies, the kind of constants."""
+        """Name of the case's row: body and scale. If the body is not scaled: body and kind of constants."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
@@ -98,7 +98,7 @@ def quick_cases() -> list[Case]:
 
 
 WRONG = float(np.log(1.2))
-"""Standard deviation of the natural logarithm of wrong / true constant: errors of about 20 %."""
+"""Standard deviation of `log(wrong constant / true constant)`: errors of about 20 %."""
 
 OTHER_RECORDING = 100_000
 """Offset from a case's seed to the seed of its recording for identification."""
@@ -143,8 +143,8 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
     """Model with constants fitted to another recording of the body; raises NotIdentifiedError.
 
-    The recording shows every node. The fit starts from exact masses. For each kind of springs, it starts from stiffness
-    multiplied by one wrong factor, and damping multiplied by another. Rest lengths are fitted, too.
+    The recording shows every node. The fit starts from exact masses and from wrong springs: for each kind of
+    springs, one random factor multiplies all stiffnesses, and another multiplies all dampings. Rest lengths are fitted.
 
     seconds: limit of the fit's processor time [s]
     """

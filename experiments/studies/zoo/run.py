@@ -20,7 +20,7 @@ from experiments.studies.zoo.case import Case, NotIdentifiedError, assumed, iden
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
 FLAT = 1e-3
-"""A body counts as flat in a direction if its extent in it is at most this share of the largest extent."""
+"""A body is flat in a direction if the extent in this direction is at most this share of the largest extent."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:

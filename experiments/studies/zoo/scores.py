@@ -95,7 +95,7 @@ def hidden_scores(
     tracking: whether each frame is TRACKING, (n_frames,); size_m: extent of the body [m]
     non_finite: number of estimates with a non-finite value or without a positive definite covariance. `nees` and
     `sigma_m` omit such estimates. A non-finite position makes the errors infinite.
-    wrong_tracking: number of TRACKING frames in which an error exceeds both `SIGMAS` and `SHARE_OF_SIZE`
+    wrong_tracking: number of TRACKING frames with a wrong estimate, see `SIGMAS` and `SHARE_OF_SIZE`
     """
     dim = truth.shape[-1]
     errors = (means - truth).reshape(-1, dim)

@@ -51,7 +51,7 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 def markdown(rows: pd.DataFrame) -> str:
     """Table with a row for each of `WORLDS`. If the share of wrong GO exceeds `MOST` for any body, the row is bold.
 
-    Worlds without wrong GO and within the bounds `HARMLESS` have no row. A line below the table lists these worlds.
+    Worlds without wrong GO have no row if error and coverage are within `HARMLESS`. A line below the table lists them.
     """
     lines, harmless = [], []
     for world in WORLDS:

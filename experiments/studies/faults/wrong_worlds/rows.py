@@ -23,7 +23,7 @@ WEIGHT = 9.81
 class World:
     """A row of the table: the true body, the tracker's frames, and the scene file that the filter gets.
 
-    onset_s: time [s] from which the truth differs from the scene file and the display is evaluated; 0: from the start
+    onset_s: time at which the difference from the scene file begins [s]. The evaluation begins at the same time.
     truth: the true body and the forces on it; seen: function that changes the tracker's frames
     scene: function that changes the scene file; target: keys that are added to the table `[target]` of the scene file
     sd_m: standard deviation of a mark, as stated by the tracker [m]
@@ -68,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """Rotate all marks about the body's centre by 2 degrees, from ONSET_S on; in space, the rotation axis is random."""
+    """At ONSET_S, rotate all marks about the body's centre by 2 degrees. In 3-D, the rotation axis is random."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -84,7 +84,7 @@ def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _scaled(x: float, y: float) -> Sees:
-    """Scale marks about the body's centre: along x and z by the first factor, along y by the second."""
+    """Scale marks about the body's centre: along x and z by the factor `x`, along y by the factor `y`."""
     factors = np.array([x, y, x])
     return lambda seen, _rng: replace(
         seen, places=seen.middle + factors[: len(seen.middle)] * (seen.places - seen.middle)
@@ -115,11 +115,11 @@ def _heavy(seen: Seen, rng: np.random.Generator) -> Seen:
 # changes of the tissue, or of its stated constants
 
 Factor = float | Callable[[Scene], Floats]
-"""Factor on all constants of a kind, or function that returns a factor for each of them."""
+"""Factor that multiplies all constants of a kind, or function that returns a factor for each constant."""
 
 
 def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
-    """The scene's network with multiplied constants; factors: factor by kind of constant."""
+    """The scene's network after its constants are multiplied; factors: a factor for each kind of constant."""
     own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
     return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 

@@ -93,9 +93,9 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """Figures of a run from its displays.
 
-    frames: number of frames; tracking: number of frames with the status TRACKING
-    tracking_wrong: number of these frames with a wrong estimate
-    covered: number of these frames with the truth in the 95 % region; error_mm: their median error [mm]
+    frames: number of frames
+    tracking, error_mm: number of frames with the status TRACKING, and median error in these frames [mm]
+    tracking_wrong, covered: numbers of TRACKING frames with a wrong estimate, and with the truth in the 95 % region
     go: number of displays of GO; go_wrong: number of displays of GO with a wrong estimate
     shown: the text displayed most often
     """

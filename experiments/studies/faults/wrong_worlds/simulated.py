@@ -74,7 +74,8 @@ TURNS_S = 4.0
 class Pushes:
     """Forces on the body.
 
-    pokes_m_s2: acceleration of marked nodes by short forces (pokes) [m/s²]; breath_m_s2: by a breath; 0 for none
+    pokes_m_s2: acceleration of marked nodes by short forces (pokes) [m/s²]; 0 for no pokes
+    breath_m_s2: acceleration by a breath [m/s²]; 0 for no breath
     everywhere: whether the breath accelerates all free nodes; hidden: whether pokes also act on the target
     turned_deg: angle by which gravity turns in 2 s
     second: whether a second breath acts, with another period and another direction
