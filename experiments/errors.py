@@ -41,7 +41,7 @@ def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
-    """Convert OSError in a `with` block into InputError; numbers: error numbers to convert, by default all."""
+    """Convert OSError in a `with` block into InputError. If `numbers` is stated, convert only these error numbers."""
     try:
         yield
     except OSError as error:
@@ -62,7 +62,7 @@ def shown(value: object) -> str:
 
 
 def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
-    """The n finite numbers in an option's text, separated by commas. Otherwise raises InputError with `expected`."""
+    """The n finite numbers in the text of an option, separated by commas. Raises InputError for any other text."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:

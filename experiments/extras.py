@@ -26,7 +26,7 @@ def needed(extra: str) -> str:
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError if an extra is not installed; asked_by: option or file that needs the extra."""
+    """Raise InputError if an extra is not installed. The message names `asked_by`, the option or file that needs it."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

@@ -11,10 +11,10 @@ from types import FrameType
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt for every interrupt in a `with` block.
+    """Raise KeyboardInterrupt after every Ctrl-C in a `with` block.
 
-    An interrupt during a compiled kernel arrives as SystemError, "returned a result with an exception set", with the
-    KeyboardInterrupt as its cause.
+    Ctrl-C during a compiled kernel raises SystemError, "returned a result with an exception set". The cause of this
+    error is a KeyboardInterrupt.
     """
     try:
         yield

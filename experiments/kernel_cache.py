@@ -24,6 +24,6 @@ def keep_kernels() -> None:
 
 
 def can_be_written(folder: Path) -> bool:
-    """Whether a folder is writable. For a missing folder, whether its nearest existing parent is writable."""
+    """Whether a folder is writable. A missing folder is writable if its nearest existing parent is writable."""
     there = next((one for one in (folder, *folder.parents) if one.exists()), None)
     return there is not None and os.access(there, os.W_OK | os.X_OK)

@@ -15,10 +15,10 @@ LOG = logging.getLogger("softaim")
 
 
 MOST_WAITING = 1000
-"""Capacity of the queue of lines for standard error; while it is full, new lines are only in softaim.log; choice."""
+"""Largest number of lines that wait for standard error; further lines are only in softaim.log; choice."""
 
 LAST_S = 0.5
-"""Longest time for which `StandardError.unwaited` waits until its last lines are read [s]; choice."""
+"""Longest time that `StandardError.unwaited` waits at its end for the last lines to be written [s]; choice."""
 
 
 class StandardError(logging.Handler):

@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """Outcomes in a returned batch; its other runs are queued again. singly: the batch is one repeated run."""
+        """Outcomes of the runs of a returned batch. Runs that the worker did not start are queued again."""
         from distributed import CancelledError, KilledWorker
 
         try:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 FIRST_S = 10.0
-"""Time of the first progress line of a run without a terminal [s]; further lines come at 2, 4, 8 … times this time.
-Choice: few lines in a log file."""
+"""Time until the first progress line [s], if standard error is not a terminal. Further lines follow at 2, 4, 8 … times
+this time. Choice: few lines in a log file."""
 
 COMPILES = "a first run compiles"
 """Text that is shown at the start of a stage, because code is compiled in its first steps."""
@@ -28,7 +28,7 @@ Stage = Callable[[str], Callable[[float], None]]
 def progress() -> Iterator[Stage]:
     """Show the progress of a run on standard error: bars on a terminal, otherwise occasional lines.
 
-    Yields a function. Call it with the name of each stage; it returns a function to call with the completed share.
+    Yields a function `stage`: `stage(name)` begins a stage, and returns a function to call with the completed share.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn

@@ -31,8 +31,9 @@ KEY_DIGITS = 16
 class Run:
     """The outcome of one job.
 
-    index: index of the job; seconds: duration [s]; result: what the function returned, None after a failure
-    failure: last line of the traceback, None without a failure; trace: the whole traceback
+    index: index of the job; seconds: duration of the job [s]
+    result: what the function returned; None after a failure
+    failure: last line of the traceback; None after a success
     """
 
     index: int
@@ -83,7 +84,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """Name of a function's module; for a `functools.partial` with a function as an argument, this argument's module."""
+    """Name of the module of a function, or of the function that a `functools.partial` gets as a keyword argument."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)
@@ -91,7 +92,7 @@ def module_of(work: Work) -> str:
 
 
 def named_work(name: str) -> Work:
-    """The function of a name `module:function`. Raises ImportError, AttributeError."""
+    """The function with the name `module:function`. Raises ImportError or AttributeError if there is none."""
     module, _, function = name.partition(":")
     found: Work = getattr(importlib.import_module(module), function)
     return found
@@ -110,6 +111,6 @@ def program() -> str:
 
 
 def key_of(work: Work, case: Case) -> str:
-    """Key of a run: digest of its function's name and its case; TypeError for values that JSON cannot represent."""
+    """Key of a run: digest of `work`'s name and `case`. Raises TypeError if JSON cannot represent the case."""
     text = json.dumps([name_of(work), case], sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()[:KEY_DIGITS]

@@ -18,7 +18,7 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Type of a map function, such as the `map` of a pool of processes."""
 
 WORTH_S = 4.0
-"""If a call of the map function takes this long [s], later calls use all cores; choice: processes start within 2 s."""
+"""If a call of the map function takes WORTH_S [s], later calls use all cores; choice: processes start within 2 s."""
 
 
 NEEDED = "estimators"
@@ -26,7 +26,7 @@ NEEDED = "estimators"
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The results in the order of the items. The pool starts with the first item, this process with the last.
+    """The results in the order of the items. The pool takes items from the front, this process from the back.
 
     If a process of the pool is killed, this process computes the missing results.
     """
@@ -50,9 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """Yields a map function that uses only this process until one of its calls takes WORTH_S; then it uses all cores.
+    """Yields a map function. It uses only this process until one call takes WORTH_S; later calls use all cores.
 
-    n_cores: number of cores, by default all; ahead: if True, the map function uses all cores from the start
+    n_cores: number of cores; by default all
+    ahead: if True, all calls use all cores
     Functions and arguments of the map function must be picklable.
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores

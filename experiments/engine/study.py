@@ -2,7 +2,7 @@
 
 The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. Its columns
 come from the case, from the result and from the engine (OWN). `failures/` has a file for each failed run. `kept/` has
-several files with the results of every run that was done in this folder.
+the results of all runs that were done in this folder, in several files.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ KEPT = "kept"
 """Name of the subfolder of a study's folder with the results of all runs; each of its files is called a part."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""The time between two parts is at least KEEP_S [s], and at least KEEP_SHARE times the time since the start [1];
-choice: about a thousand parts per day."""
+"""The time between two new files in `kept/` is at least KEEP_S [s], and at least KEEP_SHARE [1] times the time since
+the start; choice: about a thousand files per day."""
 
 
 class Parts:
     """Collects results of runs as rows of a table. From time to time it writes them to a new file, called a part.
 
-    rows: rows that are not yet written; began: time of the start [s]; written: time when the last part was written [s]
+    rows: rows that are not yet written
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,7 +51,7 @@ class Parts:
         self.began = self.written = time.monotonic()
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add the rows of a run. If the last part is old enough, see KEEP_S, write all collected rows to a new part."""
+        """Add the rows of a run. If the last part is old enough, write all collected rows to a new part."""
         self.rows.extend(rows)
         now = time.monotonic()
         if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
@@ -106,7 +106,7 @@ class Study:
     """The runs of a study.
 
     table: content of runs.parquet
-    n_runs: number of runs; n_done: number of runs that `run_study` did, without those that the folder had before
+    n_runs: number of all runs; n_done: number of runs that this call of `run_study` did
     failures: a line for each failed run, with the command that repeats it
     """
 
@@ -130,7 +130,7 @@ def run_study(
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
-    """Do the runs without a successful result in the folder, and write the folder's table.
+    """Do each run that has no successful result in the folder, and write the folder's table.
 
     work: function of a case; it returns a row of the table as a mapping, or a list of rows
     cases: mappings of JSON types, no two of them equal; their top-level numbers and texts become columns
@@ -173,7 +173,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError if there are no rows, or for a column that the case or OWN also has."""
+    """The rows of a run. Raises ValueError if there are none, or if a column's name is a key of the case or in OWN."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:

@@ -34,7 +34,7 @@ REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""If a study has fewer runs than this, this process does all runs: to start workers would take longer; choice."""
+"""If a study has fewer runs than this, this process does all of them; choice: workers would take longer to start."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -68,7 +68,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The wanted workers. For few runs, or without the extra `cluster`, OWN_PROCESS replaces ALL_CORES."""
+    """The wanted workers. OWN_PROCESS replaces ALL_CORES if there are few runs or the extra `cluster` is missing."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -79,7 +79,7 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
 
 @contextmanager
 def connected(workers: Workers, module: str) -> Iterator[Client]:
-    """A Dask client of the workers. A local cluster is closed at the end. Raises InputError.
+    """A Dask client of the workers for a `with` block. Raises InputError if `cluster` or the scheduler is missing.
 
     module: name of a module to import before local workers are forked, so that they start fast
     """
@@ -132,7 +132,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """Modules to import before workers are forked: `module`, but only its imports if `python -m` runs `module`."""
+    """Modules to import before workers are forked: `module`, or its imports if `module` is the main program."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:

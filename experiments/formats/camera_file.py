@@ -53,7 +53,7 @@ class CameraFile(Strict):
 
 
 def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
-    """The lens that these keys of a file describe; raises ValueError, `key: expected …, found …`."""
+    """The lens with this camera matrix and distortion; raises ValueError, `key: expected …, found …`, if invalid."""
     A = np.array(matrix, dtype=float)
     if not (A[0, 0] > 0 and A[1, 1] > 0 and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
         raise ValueError(f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
@@ -61,7 +61,7 @@ def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float])
 
 
 def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[float]) -> Pose:
-    """The pose that these keys of a file describe; raises ValueError, `key: expected …, found …`."""
+    """The pose with this rotation and translation [mm]; raises ValueError, `key: expected …, found …`, if invalid."""
     R = np.array(rotation, dtype=float)
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
         raise ValueError(f"rotation: expected a rotation matrix, found {shown(rotation)}")

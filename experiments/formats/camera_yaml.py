@@ -21,7 +21,7 @@ ROS_MODELS = ("plumb_bob", "rational_polynomial")
 DISTORTION = "distortion_coefficients"
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
-"""Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, two tilts."""
+"""Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y."""
 
 MOST_PX = 10**9
 """Upper limit of a picture's width and height [px]; choice: OpenCV reads larger numbers wrongly."""
@@ -35,7 +35,7 @@ POSE = "rotation and translation_mm (softaim calibrate finds lens and pose)"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
-    """A lens without a pose, the size of its pictures [px], and the camera's name if the file states it."""
+    """A lens without a pose, the size of its pictures [px] and the camera's name; None if the file states no name."""
 
     lens: Lens
     size_px: tuple[int, int]
@@ -100,7 +100,7 @@ def _of_opencv(text: str) -> str:
 
 
 def _ros_name(text: str) -> str | None:
-    """The camera's name in a file of ROS; the name may be a number."""
+    """The camera's name in a file of ROS, even if the name is a number; None if there is no name."""
     form = r"""^camera_name:[ \t]*("[^"\n]*"|'[^'\n]*'|[^\s#"'](?:[^#\n]|(?<=\S)#)*)"""
     found = re.search(form, text, flags=re.MULTILINE)
     return None if found is None else found[1].strip().strip("\"'") or None

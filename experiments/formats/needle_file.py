@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The needle for estimators; the relative error of its force is uniformly distributed within ± `error`."""
+        """The needle for estimators. The relative error of its force is uniformly distributed from -error to error."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -50,7 +50,7 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel that distributes a needle's force over the nodes [m]; choice: 0.3 of a spring's length."""
+    """Width [m] of the kernel that distributes a needle's force over the nodes; choice: 0.3 of a spring's length."""
     lengths = network.rest_lengths
     if not len(lengths):  # points of a continuum: the distance to the nearest point replaces a spring's length
         places = network.positions
@@ -134,7 +134,7 @@ class NeedlePlan:
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     """Read a needle file for a scene of this dimension; raises InputError.
 
-    radius_m: radius of the lesion if the file does not state one [m]
+    radius_m: radius of the lesion [m], used if the file does not state it
     """
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):

@@ -230,7 +230,7 @@ def _fresh_folder(path: Path, final: Path) -> Path:
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:
-    """Move all files of `work` into `final`; files of the same name are replaced. After a fault no file is moved."""
+    """Move all files of `work` into `final`, where they replace files of the same name. A fault undoes all moves."""
     files = sorted(file.relative_to(work) for file in work.rglob("*") if not file.is_dir())
     for file in files:
         if (final / file).is_dir():

@@ -17,7 +17,7 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Se
 
 
 def replaced(text: str, parts: Mapping[str, str]) -> str:
-    """A page's text with new content between each part's comments; ValueError if these comments are missing."""
+    """The text of a page with new content of its generated parts; ValueError if the comments of a part are missing."""
     for name, content in parts.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, found, rest = text.partition(start)

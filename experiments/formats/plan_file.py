@@ -44,7 +44,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: permitted entries, in the plane on a segment and in space in a box. About `n` of them are tried."""
+    """`[entry]`: permitted entries on a segment (in the plane) or in a box (in space). About `n` of them are tried."""
 
     from_mm: Coordinates
     to_mm: Coordinates

@@ -41,10 +41,10 @@ def provenance_text(
 ) -> str:
     """Text of a provenance file.
 
-    arguments: arguments of the command line
-    program: digest of the program's source; times: begin and end of the run
+    program: digest of the program's source
+    times: begin and end of the run
     inputs: digests of files and folders that were read, by path
-    scene: the scene that was used; left_out: recommended processing steps that this scene lacks
+    left_out: recommended processing steps that the scene lacks
     """
     table: dict[str, Any] = {
         "version": FORMAT,

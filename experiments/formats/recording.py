@@ -45,7 +45,7 @@ SAME_TIME_S = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fix:
-    """A direct measurement of the target: time [s], position [m], (dim,), standard deviation on each axis [m]."""
+    """A direct measurement of the target's position [m], (dim,). Each axis has the standard deviation `sd_m` [m]."""
 
     time_s: float
     position_m: Floats
@@ -61,8 +61,8 @@ class Fix:
 class Truth:
     """True positions of nodes. Filters do not use them.
 
-    times_s: by node, the increasing times of its positions [s], (n,)
-    positions: by node, its positions at these times [m], (n, dim)
+    times_s: for each node, increasing times [s], (n,)
+    positions: for each node, its positions at these times [m], (n, dim)
     """
 
     times_s: dict[str, Floats]
@@ -93,7 +93,7 @@ class Recording:
 
     folder: path of the recording
     exposures_s: exposure times of the frames, increasing [s], (n_frames,)
-    source: the video file, the folder of pictures, or the folder of a film's pieces; None beside `marks` or `films`
+    source: the video file, the folder of pictures or of a film's pieces; None for recordings with `marks` or `films`
     films: films of cameras in space; in such a recording, exposures_s are the exposure times of all cameras
     marks: for each frame the marks of another tracker; None for a recording of pictures
     truth: true positions of nodes, if known
@@ -112,14 +112,14 @@ class Recording:
     films: tuple[CameraFilm, ...] = ()
 
     def open_frames(self) -> Pictures:
-        """Open the frames at the first one; raises InputError if there are no frames, or if this fails."""
+        """Open the frames; raises InputError if there are none, or if they cannot be opened."""
         if self.source is None:
             found = "films of cameras in space" if self.films else f"{MARKS}, which has no frames to show"
             raise InputError.at(self.folder, "a video or frames", found)
         return open_pictures(self.source, self.exposures_s.tolist())
 
     def open_films(self) -> dict[str, Pictures]:
-        """The frames of each camera by its name; the name of a single camera is "". Raises InputError."""
+        """Frames by the camera's name. Without `films` there is one entry with the name "". Raises InputError."""
         return {film.camera: film.open_frames() for film in self.films} or {"": self.open_frames()}
 
 
@@ -128,7 +128,8 @@ def read_recording(
 ) -> Recording:
     """Read the recording in a folder; raises InputError.
 
-    scene_path: file of a scene that replaces the scene in the folder; advance: called with the completed share
+    scene_path: file of a scene that replaces the scene in the folder
+    advance: called with the completed share
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -182,7 +183,7 @@ def read_recording(
 
 
 def read_frames(path: Path, *, torn: bool = False) -> Floats:
-    """Exposure times in frames.csv [s], (n_frames,); torn: omit an incomplete last line. Raises InputError."""
+    """Exposure times in frames.csv [s], (n_frames,); raises InputError. If `torn`, omits an incomplete last line."""
     table = read_table(path, ["frame", "exposure_s"], rejected={"camera": ONE_CAMERA}, torn=torn)
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")
@@ -193,7 +194,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames [s], and the marks of each. If exposures_s is None, the file states the times."""
+    """Exposure times of the frames [s], and each frame's marks. If exposures_s is None, the file states the times."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
@@ -218,7 +219,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Times [s], (n,), and marks of a table with the columns of marks.csv; nodes without marks are permitted, too."""
+    """Times [s], (n,), and marks of a table like marks.csv. The table may have nodes without a mark in the scene."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -227,7 +228,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """For each time the index of the nearest frame, (n,), and the distance in time from this frame [s], (n,)."""
+    """Index of the frame nearest to each time, (n,), and the difference of their times [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)
@@ -299,13 +300,13 @@ def _positions(table: Table, scene: Scene) -> Floats:
 
 
 def write_frames_csv(path: Path, exposures_s: Floats) -> None:
-    """Write frames.csv; raises InputError, and ValueError for times that do not increase by 1 ns or more."""
+    """Write frames.csv. Raises InputError, or ValueError if a time is not at least 1 ns after the one before."""
     _check_times(exposures_s)
     write_table(path, ["frame", "exposure_s"], ([str(k), f"{t:.9f}"] for k, t in enumerate(exposures_s)))
 
 
 def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str, Floats]) -> None:
-    """Write truth.csv: positions by node [m], (n, dim), at these times [s], (n,); raises InputError, ValueError."""
+    """Write truth.csv: positions by node [m], (n, dim), at these times [s], (n,). Raises InputError or ValueError."""
     _check_times(times_s)
     nodes = list(positions_by_node)
     positions = np.stack([positions_by_node[node] for node in nodes], axis=1)
@@ -319,7 +320,7 @@ def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str,
 
 
 def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRow]], *, dim: int) -> None:
-    """Write marks.csv: the marks at each of the times [s], (n,); raises InputError, ValueError."""
+    """Write marks.csv: the marks at each of the times [s], (n,). Raises InputError, or ValueError for invalid marks."""
     _check_times(times_s)
     rows = [(t, row) for t, found in zip(times_s, marks, strict=True) for row in found]
     for _, row in rows:

@@ -40,8 +40,8 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""For each kind of constant, relative standard deviation of the true constants from the scene's constants. The seed
-determines the true constants; the filter uses the scene's constants."""
+"""Relative standard deviations by which true constants differ from the scene's constants, for each kind of constant.
+The seed determines the true constants; the filter uses the scene's constants."""
 
 
 class SeenMarks(Strict):
@@ -57,7 +57,7 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """Errors of simulated marks in a recording without a film; hue and diameter of the phantom's discs.
+    """Errors of simulated marks in a recording without a film, and the hue and diameter of the phantom's discs.
 
     The phantom has a disc on each free node. The disc on the hidden node only serves to score estimates.
     """
@@ -94,7 +94,7 @@ class Video(Strict):
 
 
 class Scenario(Strict):
-    """A scenario file, version 1; after reading, `scene` is the scene file's path relative to the current folder."""
+    """A scenario file, version 1. When it is read, `scene` becomes a path relative to the current folder."""
 
     version: Literal[1]
     title: str = ""
@@ -178,7 +178,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, without a check whether its nodes exist; raises InputError."""
+    """Read a scenario by its name or TOML file. The nodes that it names are not checked. Raises InputError."""
     path = SCENARIOS / f"{name}.toml" if name in shipped() else Path(name)
     if not path.is_file():
         raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
@@ -219,7 +219,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture with the network's gravity as default of `from_m_s2`; InputError if the rotation is not defined."""
+    """The posture; the network's gravity replaces a missing `from_m_s2`. InputError for an undefined rotation."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)

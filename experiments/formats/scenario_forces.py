@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table: random accelerations of all free nodes, white noise up to `1 / (2 interval_s)` [Hz]."""
+    """Tremor of the table: all free nodes have random accelerations, white noise up to `1 / (2 interval_s)` [Hz]."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0

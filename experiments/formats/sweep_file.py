@@ -21,13 +21,13 @@ MOST_RUNS = 1_000_000
 """Largest number of runs in a sweep: more are probably a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
-"""Keys of a scenario that a grid may vary; a sweep sets the seeds itself and makes no films."""
+"""Keys of a scenario that a grid may vary. A sweep sets the seeds itself, and makes no films."""
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""For each kind of constant, a factor on the constants that the methods use; the true constants do not change."""
+"""Factors on the constants that the methods use, for each kind of constant. The true constants do not change."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -55,7 +55,8 @@ class SweepFile(Strict):
 class Setup:
     """One combination of values from a grid.
 
-    at: value of each key of the grid; scenario, filter, marks, model: checked tables with these values
+    at: value of each key of the grid
+    scenario, filter, marks, model: checked tables with these values
     """
 
     at: Mapping[str, Any]
@@ -118,7 +119,7 @@ def read_sweep(path: Path) -> Sweep:
 
 
 def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
-    """Key and values of each parameter in the nested tables of a grid. Raises InputError."""
+    """Key and values of each parameter of a grid. Raises InputError for keys and values that a grid cannot have."""
     for name, value in table.items():
         key, here = (*above, name), f"{place}.{name}"
         if not above and name not in GROUPS:
@@ -134,7 +135,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A copy of a table with the values of `at`. The first part of each key of `at` is the table's name."""
+    """A copy of a table in which the keys of `at` have new values. The first part of each key is the table's name."""
     table = dict(start)
     for key, value in at.items():
         inner = table

@@ -27,7 +27,8 @@ CHUNK_ROWS = 50_000
 class Table:
     """Columns of a CSV file.
 
-    numbers: columns of numbers, (n_rows,), with NaN for missing numbers; texts: columns of texts
+    numbers: columns of numbers, (n_rows,), with NaN for missing numbers
+    texts: columns of texts
     first_row: line number of the first data row in the file
     """
 
@@ -130,9 +131,9 @@ def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tupl
 def open_table(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str], *, first_row: int = 2
 ) -> Table:
-    """The table of these rows, each as long as the header; all columns except `words` are numbers, NaN if missing.
+    """The table of rows that are as long as the header. Columns in `words` are texts, all others are numbers.
 
-    Raises InputError with row and column.
+    Missing numbers are NaN. Raises InputError with row and column if an entry is not a number.
     """
     columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
     numbers = {name: _numbers(entries) for name, entries in columns.items() if name not in words}
@@ -147,7 +148,7 @@ def open_table(
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
     """The header of a CSV file, then its rows, each with as many entries as the header; raises InputError.
 
-    expected: text for the message on an empty file; torn: as in `read_table`
+    expected: what the message for an empty file expects; torn: as in `read_table`
     """
     text = read_text(path)
     if torn:

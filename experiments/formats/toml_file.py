@@ -73,7 +73,7 @@ def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
-    """A table checked against a model; raises InputError for the first fault; place: first words of the message."""
+    """A table, checked against a model. Raises InputError for the first fault; its message begins with `place`."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -92,7 +92,7 @@ def _not_toml(path: Path, text: str, message: str) -> InputError:
 
 
 def key_path(loc: Sequence[int | str]) -> str:
-    """The path of a value in a TOML file, list entries counted from 0: `network.spring[3].between`."""
+    """The path of a value in a TOML file, such as `network.spring[3].between`. List entries are counted from 0."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
 
 
@@ -144,7 +144,7 @@ def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dict[str, Any]:
-    """Fields in another unit: an ending `old` of a name becomes `new`, and the value is multiplied by `factor`."""
+    """Fields in another unit: the ending `old` of names is replaced by `new`, and values are multiplied by `factor`."""
     scaled: dict[str, Any] = {}
     for key, value in values.items():
         if not key.endswith(old):
@@ -181,7 +181,7 @@ def toml_value(value: Any, number: Number = toml_number) -> str:
 
 
 def long_list(key: str, entries: Iterable[Any], number: Number = toml_number, why: str = "") -> list[str]:
-    """Lines of a list, one for each entry; why: a comment after the key."""
+    """Lines of a list, one for each entry. `why` is a comment on the first line."""
     return [f"{key} = [{why and f'  # {why}'}", *(f"    {toml_value(entry, number)}," for entry in entries), "]"]
 
 

@@ -29,14 +29,15 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Time between two pieces of advice in a run [s]; parameter of the study: insertions are then nearly independent."""
+"""Time between two pieces of advice in a run [s]; parameter of the study: insertions become nearly independent."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
     """Advice at one time, and the result of the insertion that follows this advice.
 
-    probability: predicted hit probability; hit: whether the needle hit; miss_m: distance from the target at arrival [m]
+    probability: predicted hit probability; hit: whether the needle hit the lesion
+    miss_m: distance of the tip or the notch from the target at arrival [m]
     If no needle was inserted, probability, hit and miss_m are None.
     """
 
@@ -48,7 +49,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Results of insertions that follow advice, one every EVERY_S; state: the tissue's state after the warm-up."""
+    """Results of insertions that follow advice. Advice is given every EVERY_S, from the end of the warm-up on."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -76,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion that follows advice; between_s: start of the insertion, and latest arrival [s]."""
+    """Result of an insertion that follows advice. `between_s` has its start and the latest permitted arrival [s]."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -114,10 +115,7 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and their difference.
-
-    The difference is the hit rate minus the mean predicted probability; its standard deviation is included, too.
-    """
+    """Number of insertions, predicted and observed hit rate, 95 % interval, difference with its standard deviation."""
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
     n = sum(len(run) for run in stated)

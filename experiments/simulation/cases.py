@@ -34,22 +34,22 @@ DEEPEST_M = 0.06
 """Depth of a needle in the phantom beyond which an insertion ends [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""Largest distance of a needle's tip beyond the resting target in a user's scene [m]; a choice."""
+"""Largest distance that a needle's tip moves beyond the resting target in a user's scene [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""Filter settings for pokes that act on one outer mass at a time. In scenario `poked` the acceleration by a poke is a
-half sine over time, with a random direction and a random peak of 3 to 10 m/s²; its rms on one axis is 3.4 m/s²."""
+"""Filter settings for pokes that act on one outer mass at a time. In scenario `poked` a poke has a random direction and
+a random peak of 3 to 10 m/s². Its acceleration is half a sine over time, with an rms of 3.4 m/s² on each axis."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """Filter settings for forces that act on all outer masses together."""
 
 FAR_M, N_ALONG = 0.05, 100
-"""Largest distance of a needle's entry from a body of tetrahedra [m], and number of points on the needle's line whose
-distance from the body is tested; choice: a probe between robot and skin is short."""
+"""FAR_M is the largest distance of a needle's entry from a body of tetrahedra [m]; choice: a probe between robot and
+skin is short. N_ALONG is the number of points on the needle's line whose distance from the body is tested."""
 
 ELSEWHERE = 0.1
-"""Largest distance between the positions of a mark in the filter's scene and in the scenario's scene, relative to the
-body's size [1]; choice: sagging, registration or another mesh of the same body cause smaller distances."""
+"""Largest shift of a mark between the filter's scene and the scenario's scene [1], relative to the body's size; choice:
+sagging, registration or another mesh of the same body cause smaller shifts."""
 
 AT_REST_M = 1e-9
 """Largest distance between drawn and rest positions that count as equal [m]; numerical: rounding."""
@@ -64,7 +64,7 @@ class Case:
 
     truth: scene of the true tissue in its rest shape
     given: scene that the filter uses
-    straight: the insertion for which `softaim advise` is tested
+    straight: insertion without steering, for the test of `softaim advise`
     deepest_m: depth of the needle at which the insertion ends, even if the target is farther away [m]
     steer_m_s: largest speed with which the robot moves the needle's line sideways [m/s]
     seen: errors of the simulated marks
@@ -94,7 +94,7 @@ class Case:
 
     @property
     def n_frames(self) -> int:
-        """Number of camera frames in the warm-up and in `patience_s` after it."""
+        """Number of camera frames from the start of the warm-up until `patience_s` after its end."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
 
@@ -107,7 +107,7 @@ def case_of(
     radius_m: float | None = None,
     strength: float = 1.0,
 ) -> Case:
-    """The case of a scenario, with the first seed; raises InputError if the files do not fit together.
+    """The case of the first run of a scenario; raises InputError if the files do not fit together.
 
     scene_path: file of the scene that the filter uses; by default the filter uses the scenario's scene
     speed_m_s: needle speed [m/s], in place of the speed in the needle file
@@ -159,7 +159,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene; if it has a mesh, with additional points on the needle's line. line: its two ends [m], (2, dim)."""
+    """The scene with additional mesh points between the ends `line` [m], (2, dim). Without a mesh nothing changes."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)
@@ -173,7 +173,7 @@ def settings_for(scenario: Scenario) -> FilterSettings:
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with its rest shape as drawn shape. Without anchors its gravity is set to 0, see `supported`."""
+    """The network, drawn in its rest shape. If it has no anchors, its gravity is set to 0, see `supported`."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)

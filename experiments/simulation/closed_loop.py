@@ -45,7 +45,7 @@ class Tried:
 
     probability: hit probability at the commitment; None if the policy predicts none, or if there was no commitment
     drawn_radius_m: radius of a second lesion, random in each run [m]
-    drawn_probability, drawn_hit: for the second lesion, hit probability at the commitment, and whether it was hit
+    drawn_probability, drawn_hit: `probability` and `hit` for the second lesion
     miss_m: distance of the needle's tip or notch from the true target at arrival [m]; None if no needle arrived
     seconds: time from the end of the warm-up until arrival [s]
     insertions: number of insertions that were begun
@@ -66,7 +66,7 @@ class Tried:
 class _Robot:
     """The state of the needle.
 
-    beside: offset from the needle's initial line, along each vector of `across(axis)` [m], (dim - 1,)
+    beside: sideways offset from the needle's initial line [m], (dim - 1,), in the directions `across(axis)`
     depth: depth of the tip along the axis [m]; doing: `waiting`, `going` or `back`
     """
 
@@ -78,19 +78,19 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """Tip position [m], (dim,), after a motion by `deeper` [m] along the axis and `aside` [m] across the axis."""
+        """Tip position [m], (dim,), after the needle moved `deeper` along the axis and `aside` across the axis [m]."""
         ways = self.beside if aside is None else self.beside + aside
         return np.asarray(entry + (self.depth + deeper) * self.axis + ways @ across(self.axis))
 
 
 def within(ways: Floats, most: float) -> Floats:
-    """The vector `ways`; if it is longer than `most`, it is shortened to the length `most`."""
+    """The vector `ways`, shortened to the length `most` if it is longer."""
     length = float(np.linalg.norm(ways))
     return ways if length <= most else ways / length * most
 
 
 def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
-    """Whether the lesion is hit; offset: vector from the target to the tip or the middle of the notch [m], (dim,)."""
+    """Whether the needle hits. `offset` is the vector from the target to the tip or the notch's middle [m], (dim,)."""
     length, core = needle.sampled
     if core:
         return bool(lesion.core_lengths(offset[None], axis, length)[0] >= core)
@@ -148,10 +148,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 def _committed(
     world: World, policy: Policy, robot: _Robot, state: Floats, when: tuple[float, float], aside_m: Floats
 ) -> Tried | None:
-    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle.
-
-    when: present time, and time until arrival [s]; aside_m: sideways needle motion until arrival [m], (dim - 1,)
-    """
+    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle."""
     (now, left), case, plan, axis = when, world.case, world.case.plan, robot.axis
     needle, speed = plan.needle, plan.insertion.speed_m_s
     tip, cov = robot.tip(world.entry, speed * left, aside_m), needle.tip_cov(axis, robot.depth + speed * left)
@@ -201,7 +198,7 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
-    """Predicted needle force in each step of CYCLE_S of the prediction range [N], (n, n_free, dim)."""
+    """Predicted needle forces [N] in successive steps of CYCLE_S, over the prediction range, (n, n_free, dim)."""
     n = round(horizon_s(world) / CYCLE_S)
     return predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, n, CYCLE_S).sum(axis=0)
 
@@ -215,10 +212,9 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time at which the needle reaches the target's depth [s], and the target's position at that time [m], (dim,).
+    """Time at which the needle is as deep as the target [s], and the target's position then [m], (dim,).
 
     If the path ends earlier, the result is the time and the position at the end of the path.
-    axis: direction of the needle; None if the needle will point at the target
     """
     plan = world.case.plan
     speed, away = plan.insertion.speed_m_s, path.means - world.entry

@@ -54,7 +54,7 @@ def hues_of(scene: Scene) -> list[float]:
 def draw(
     scene: Scene, positions: Floats, lighting: vision.Lighting, rng: np.random.Generator, *, strays: list[vision.Disc]
 ) -> NDArray[np.uint8]:
-    """One picture of the scene with nodes at these positions [m], (n_nodes, dim); strays: discs that are not marks."""
+    """One picture of the scene with the nodes at `positions` [m], (n_nodes, dim). `strays` are discs but not marks."""
     camera, network = scene.cameras[0], scene.network
     places = camera.project(positions)
     lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
@@ -109,7 +109,8 @@ def write_films(
 ) -> None:
     """Write `video.avi` and `frames.csv`; in space, `video.NAME.avi` and `frames.NAME.csv` for each camera.
 
-    times_s: exposure times of each camera [s], all of them in `truth`; advance: called with the completed share
+    times_s: exposure times of each camera [s]; `truth` contains all of them
+    advance: called with the completed share
     """
     rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the file format has no lower rate; frames.csv has the times
     stored, done, n_frames = scenario.video, 0, sum(map(len, times_s))

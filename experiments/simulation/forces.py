@@ -19,7 +19,8 @@ from experiments.formats.scenario_forces import UPWARD, Breathing, Pokes, Postur
 class Force:
     """A force on the free nodes over time.
 
-    at: function of the time [s] that gives the force [N], (n_free, dim); bends_s: times of slope changes [s], (n,)
+    at: function of the time [s]; it returns the force [N], (n_free, dim)
+    bends_s: times at which the slope of the force changes [s], (n,)
     """
 
     at: Callable[[float], Floats]
@@ -119,7 +120,7 @@ def _risen(share: float) -> float:
 
 
 def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
-    """Forces on the free nodes [N], (n_free, dim), with the effect of an acceleration of the whole body [m/s²]."""
+    """Forces on the free nodes [N], (n_free, dim), that act like the given acceleration of the whole body [m/s²]."""
     solid = network.continuum
     if solid is None:
         return network.masses[network.free][:, None] * acceleration
@@ -127,7 +128,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Indices of these nodes. In a scenario from `completed`, `nodes` is a list and not None."""
+    """Indices of these nodes. After `completed` has filled in the scenario's defaults, `nodes` is not None."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

@@ -90,7 +90,7 @@ def summary(done: Trials) -> dict[str, object]:
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
     """Figures of one policy over all runs.
 
-    hit_rate, hit_rate_low, hit_rate_high: share of hits and its 95 % interval [clopper1934]
+    hit_rate, hit_rate_low, hit_rate_high: share of hits, and the ends of the 95 % interval of this share [clopper1934]
     miss_mm: mean miss of the needles that arrived; seconds_to_hit: mean time until a hit
     insertions, retractions: mean numbers per run; never: number of runs without arrival
     predicted, observed: mean predicted hit probability, and hit rate of the same insertions

@@ -19,15 +19,15 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay of a picture that is made up by skipping frames [s]; choice: computing this motion takes 0.4 s."""
+"""Largest delay for which the camera skips frames [s]; choice: computing the motion of 1 s takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Relative tolerance [1], absolute tolerance [m, m/s] and longest step [s] of the integrator; choice: errors are
-0.003 mm. The tremor force is linear between knots at intervals of STEP_S. Tighter tolerances take ten times as long,
-because the integrator then rejects steps across the knots."""
+0.003 mm. The slope of the tremor force changes every STEP_S. With tighter tolerances the integrator rejects steps
+across these changes, and takes ten times as long."""
 
 COMES_AGAIN_S = 360.0
-"""Period of the random forces [s]; choice: to compute forces for an hour would delay the first picture by 0.3 s."""
+"""Period of the random forces [s]; choice: forces for an hour would delay the first picture by 0.3 s."""
 
 
 class PhantomCamera:

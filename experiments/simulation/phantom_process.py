@@ -17,15 +17,14 @@ PHANTOM, SCENARIO = "phantom", "webcam"
 """The simulated phantom: its name as a source of pictures, and the name of its scenario."""
 
 HEADER = struct.Struct("<dII")
-"""Header of a picture: its exposure time on the monotonic clock [s], which all processes share; its width and height
-[px]."""
+"""Header of a picture: exposure time on the monotonic clock [s], width [px], height [px]. Processes share the clock."""
 
 ENDS_S = 2.0
 """Longest time to wait for the end of the process [s]; choice."""
 
 
 def film(connection: Connection, fps: float | None) -> None:
-    """Wait for a request, then send each of the phantom's pictures at its exposure time, until the reader has ended."""
+    """Wait for a request, then send each of the phantom's pictures at its exposure time, until the connection ends."""
     begin_helper()
     # imported here, so that the parent process does not wait for it
     from experiments.formats.scenario import read_scenario

@@ -39,7 +39,7 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""Time at which the breathing model starts [s], because earlier estimates have large errors; a study parameter."""
+"""Time from the start of a run to the start of the breathing model [s]; a study parameter: early estimates are poor."""
 
 WAYS, MARGIN_S = 1.5, 0.75
 """The prediction range of the target is `WAYS * (insertion time) + MARGIN_S` [s], because the needle may start later or
@@ -51,7 +51,7 @@ class Policy:
 
     place: position at which the policy aims [m], (dim,)
     time_s: time of the last frame [s]
-    waits: if True, the needle starts only if guidance advises GO, and retracts after a fault or if a hit is improbable
+    waits: if True, the needle starts only if guidance advises GO. It retracts after a fault, or if a hit is improbable.
     """
 
     name, waits = "", False
@@ -59,11 +59,11 @@ class Policy:
     place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Process a frame's marks; push: predicted force of the needle since the last frame [N], (n_free, dim)."""
+        """Process a frame's marks. `push` is the predicted needle force since the last frame [N], (n_free, dim)."""
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path of the target; pushes: predicted needle force in steps of CYCLE_S [N], (n, n_free, dim)."""
+        """Predicted path of the target. `pushes` are needle forces in steps of CYCLE_S [N], (n, n_free, dim)."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
@@ -71,7 +71,7 @@ class Policy:
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """Probability density of the target's position at time_s; None if the policy predicts no density.
 
-        parts: predicted cutting force and friction of the needle, both constant until time_s [N], (2, n_free, dim)
+        parts: predicted cutting force and friction [N], (2, n_free, dim); both are constant until `time_s`
         """
         return None
 
@@ -114,10 +114,11 @@ def predicted_parts(
 
 
 def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
-    """Covariance of the target's position from the errors of the needle's predicted force [m²], (dim, dim).
+    """Covariance of the target's position due to errors of the predicted needle force [m²], (dim, dim).
 
     Each part of the force has an independent relative error, uniformly distributed between -error and error.
-    gives: the target's compliance [m/N], (dim, n_free * dim); parts: parts of the force [N], (n_parts, n_free, dim)
+    gives: the target's compliance [m/N], (dim, n_free * dim)
+    parts: parts of the force [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
     return error**2 / 3.0 * shifts.T @ shifts
@@ -152,7 +153,8 @@ class Paper(Rest):
 class Warm:
     """A filter after the warm-up.
 
-    then: the filter's state; tables: prediction tables for policies; of_advice: prediction tables for `softaim advise`
+    then: the filter's state
+    tables: prediction tables of the policies; of_advice: prediction tables of `softaim advise`
     """
 
     tissue: TissueFilter
@@ -193,7 +195,7 @@ class Filtered(Policy):
 
 
 class Ahead(Filtered):
-    """Policy: aim at the target's predicted position at the needle's arrival.
+    """Policy: predict the target's position at the time when the needle arrives, and aim at this position.
 
     While the breathing model is valid, the prediction is a mixture of the predictions by this model and by the filter.
     """
@@ -236,7 +238,7 @@ class Ahead(Filtered):
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
-        """Linear approximation of the static displacement of the target by each of n forces [m], (n, dim)."""
+        """Static displacement of the target [m] by each of n forces, (n, dim), in linear approximation."""
         return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 
@@ -248,7 +250,7 @@ class Waiting(Ahead):
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Prediction tables of a filter; model: pickled arguments of the filter; ahead_s: prediction range [s]."""
+    """Prediction tables of a filter for the prediction range `ahead_s` [s]. `model` has its pickled arguments."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)

@@ -22,7 +22,7 @@ MISPLACED_M = (0.03, 0.15)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True motion. times_s: times [s], (n,); positions: positions of the network's free nodes [m], (n, n_free, dim)."""
+    """True motion: positions of the network's free nodes [m], (n, n_free, dim), at the times `times_s` [s], (n,)."""
 
     times_s: Floats
     positions: Floats
@@ -41,7 +41,7 @@ def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> 
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
-    """Recording of noisy marks of a true motion, with the target's true positions; no reference mark is missing."""
+    """Recording of noisy marks of a true motion, with the target's true positions. No reference mark is missing."""
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}
     places = motion.positions[:, [column[node] for node in scene.measured_nodes]]

@@ -44,11 +44,11 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Setting `discrepancy` of the filter for the phantom: the model's error, relative to the phantom's extent [1]; choice:
+"""Setting `discrepancy` of the filter for the phantom: the model's error [1], relative to the phantom's extent; choice:
 small, because the model of a simulated phantom is exact."""
 
 TRUTH = 0.2
-"""Progress that is reported when the true motion is complete and a film has still to be written [1]."""
+"""Completed share of a simulation with a film when the true motion is ready [1]."""
 
 STIFF_S = 1e-4
 """If the longest stable step is shorter than this [s], the integrator is implicit, otherwise explicit; numerical."""
@@ -160,9 +160,10 @@ def simulate(
     filmed: bool = True,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Write the recording of a scenario to the folder `out`; `advance` gets the completed share. Raises InputError.
+    """Write the recording of a scenario to the folder `out`; raises InputError.
 
     filmed: if False, or if the scene has no camera, marks.csv is written instead of a film
+    advance: called with the completed share
     """
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
@@ -190,7 +191,7 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """Write the scene to `path`, with the contents of the camera files that the scene's file names.
+    """Write the scene to `path`. If the scene uses camera files, their contents are written in place of their names.
 
     If the scenario does not change the constants of the scene, `[[provenance]]` gets the step `simulate`.
     """

@@ -30,7 +30,7 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Longest interval in which external forces are linear in time [s]: a quarter of the default `Tremor.interval_s`."""
+"""Longest interval [s] in which external forces are linear: a quarter of the default `Tremor.interval_s`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,7 @@ class Message:
 
 
 def write_mcap(stream: BinaryIO, metadata: Mapping[str, str], messages: Iterable[Message]) -> dict[str, int]:
-    """Write a file; returns the number of messages of each topic. Raises InputError without the extra `export`.
+    """Write a file; returns the number of messages of each topic. Raises InputError if the extra `export` is missing.
 
     metadata: data on the recording, written as the record `softaim`
     """

@@ -64,7 +64,7 @@ def write_plus(
 
 
 def transform_fields(name: str, matrix: Floats | None) -> dict[str, str]:
-    """Fields of a transform such as `TargetToReference`; matrix: in mm, (4, 4), or None for an invalid transform."""
+    """Fields of a transform such as `TargetToReference`. `matrix`, (4, 4), is in mm; None for an invalid transform."""
     values = np.eye(4) if matrix is None else matrix
     text = " ".join(f"{value:.9g}" for value in values.ravel())
     return {f"{name}Transform": text, f"{name}TransformStatus": "INVALID" if matrix is None else "OK"}

@@ -19,10 +19,10 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
 FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
-"""Statuses of usable estimates; for other statuses the exports have only the status."""
+"""Statuses of usable estimates. For estimates with another status, exports contain only the status."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""A row belongs to a frame if their times differ by at most DIGITS times the row's time, and by at most ROUNDED times
-the shortest frame interval [1]. Older tables state times with only nine digits."""
+"""A row belongs to a frame if the difference of their times is at most DIGITS [1] times the row's time, and at most
+ROUNDED [1] times the shortest frame interval. Older tables state times with only nine digits."""
 
 Entry = float | str | bool | None
 
@@ -64,9 +64,9 @@ class Estimates(Results):
 
 
 def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
-    """The estimates in a folder of results, for frames with these exposure times [s]; raises InputError.
+    """Estimates in a folder of results for frames with these exposure times [s], in a scene of dimension `dim`.
 
-    dim: dimension of the scene. At least one row must belong to a frame.
+    Raises InputError, for example if no row belongs to a frame.
     """
     path = folder / ESTIMATES
     if not folder.is_dir():
@@ -94,7 +94,7 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """The fields `times_s` and `frames` of `Results`, from the times in a file."""
+    """The fields `times_s` and `frames` of `Results` for these times in a file."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)

@@ -54,8 +54,8 @@ DEFINITIONS: Mapping[str, str] = {
 def encoded(form: str, *values: Any) -> bytes:
     """A message with these values; `form` has one letter for each value.
 
-    i, I, d: a number as in `struct`, aligned to its size; s: text, which ends with a zero byte; b: bytes
-    Text and bytes begin with their length. For an array of fixed length, each entry is a value of its own.
+    i, I, d: a number as in `struct`, aligned to a multiple of its size; s: text; b: bytes
+    Text and bytes begin with their length; text ends with a zero byte. An array of fixed length is one value per entry.
     """
     body = bytearray()
     for code, value in zip(form, values, strict=True):

@@ -45,7 +45,7 @@ def source_in(folder: Path) -> Path:
 
 
 def growing_in(folder: Path, camera: str) -> Path:
-    """Folder in which a film's pieces and times are stored during the recording; camera: "" for a single camera."""
+    """Folder in which a film's pieces and times are stored during the recording. A single camera has the name ""."""
     return folder / f"{SEGMENTS}.{camera}" if camera else folder
 
 
@@ -63,9 +63,9 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """The number of frames, and a noun for them in messages; raises InputError, SourceError if pictures are missing.
+    """The number of frames, and a noun for them in messages. Raises InputError or SourceError if a picture is missing.
 
-    A film is read completely. advance: called with the completed share
+    A film is read completely. `advance` is called with the completed share.
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"

@@ -36,12 +36,12 @@ class CameraFilm:
     exposures_s: Floats
 
     def open_frames(self) -> Pictures:
-        """Open the frames at the first one; raises InputError if this fails."""
+        """Open the frames; raises InputError if they cannot be opened."""
         return open_pictures(self.source, self.exposures_s.tolist())
 
 
 def film_name(camera: str, i: int) -> str:
-    """The camera's name; InputError if the name has characters that are not permitted in a film's file name."""
+    """The name `camera` of the camera with index i; InputError if the name of a film's file must not contain it."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera
@@ -120,7 +120,7 @@ def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], 
 
 
 def exposures_of(films: Sequence[CameraFilm]) -> Iterator[Exposure]:
-    """The pictures of all films in order of time; raises InputError, SourceError."""
+    """The pictures of all films in order of time. Raises InputError or SourceError if a picture cannot be read."""
     times_s, groups = merged(films)
     with ExitStack() as opened:
         frames: list[Iterator[Frame]] = [iter(opened.enter_context(film.open_frames())) for film in films]

@@ -13,19 +13,19 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Marks fit if their root mean square distance from the drawn positions is at most FAR times the body's size [1];
-choice: pokes and weight move marks less, if the body is drawn in its rest shape."""
+"""Marks fit if their rms distance from the drawn positions is at most FAR [1] times the body's size; choice: pokes and
+weight move marks less, if the body is drawn in its rest shape."""
 
 FITS = 0.1
-"""An interpretation of the marks, for example in other units, fits if its distance from the drawn positions is at most
-FITS times the body's size, and at most a quarter of the distance of the marks as measured; choice."""
+"""An interpretation of the marks fits if its distance from the drawn positions is at most FITS [1] times the body's
+size, and at most a quarter of the distance of the uninterpreted marks; choice."""
 
 ALIKE = 1.5
-"""An interpretation is as good as the best one if it is at most ALIKE times as far from the drawing; choice."""
+"""Interpretations up to ALIKE times as far from the drawing as the best one count as equally good; choice."""
 
 FLAT = 0.2
-"""Marks count as collinear if the second singular value of their centred positions is below FLAT times the first [1];
-choice."""
+"""Marks count as collinear if the ratio of the second to the first singular value of their centred positions is below
+FLAT [1]; choice."""
 
 N_FRAMES = 10
 """Number of frames with marks after which `misread` is applied, even if some marks were never visible; choice."""
@@ -39,14 +39,14 @@ RESIZED = 8.0
 
 
 class FirstMarks:
-    """Applies the test `misread` once: when each measured mark has been visible, or after N_FRAMES frames."""
+    """Applies the test `misread` once: as soon as every measured mark was visible, at latest after N_FRAMES frames."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Add a frame's marks. If the test `misread` is due now, apply it and return its message; otherwise None.
+        """Add a frame's marks. If the test `misread` is due now, return its message; otherwise return None.
 
         places: positions by node [m], (dim,)
         """
@@ -59,7 +59,7 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """Apply `misread` to the marks so far and return its message; None if `misread` was applied before."""
+        """Apply `misread` to all added marks, and return its message. If `misread` was applied before, return None."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
@@ -88,9 +88,10 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Marks after the correction of assumed mistakes, such as a wrong unit.
+    """Marks after the correction of assumed mistakes, for example of a wrong unit.
 
-    words: description of the mistakes; changes: number of mistakes; places: corrected positions [m], (n, dim)
+    words: description of the mistakes; changes: number of mistakes
+    places: corrected positions [m], (n, dim)
     """
 
     words: str
@@ -99,7 +100,7 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks lie far from their drawn positions, but would lie near them with other axes or units.
+    """A message if marks lie far from their drawn positions, but other axes or units would explain this.
 
     If more than two interpretations fit equally well, the result is None.
     seen_m: positions by node [m], (dim,)
@@ -133,7 +134,8 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 def fits(rms: float, plain: float, size: float) -> bool:
     """Whether an interpretation of the marks fits the drawn shape.
 
-    rms, plain: root mean square distance of the interpreted and of the measured marks from the drawn positions [m]
+    rms: root mean square distance of the interpreted marks from the drawn positions [m]
+    plain: root mean square distance of the uninterpreted marks from the drawn positions [m]
     size: the body's size [m]
     """
     return rms <= min(FITS * size, 0.25 * plain)
@@ -159,9 +161,9 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Interpretations of the marks: permuted or reflected axes, each with the scale and the shift that fit best.
+    """Interpretations of the marks: for each permutation and reflection of the axes, the best scale and the best shift.
 
-    There are none if the marks are nearly collinear, or if the body has no anchors.
+    There is no interpretation if the marks are nearly collinear, or if the body has no anchors.
     """
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
     if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
@@ -188,7 +190,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Description of the mistakes in the axes that a matrix from `_axes` corrects, and the number of these mistakes."""
+    """Description and number of the mistakes that the matrix `axes` corrects."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

@@ -19,8 +19,9 @@ LEAST_SHARE = 1e-9
 class MarkRow:
     """A mark from another tracker.
 
-    position_m: position [m], (dim,); full_cov: covariance of the position [m²], (dim, dim); None if the file has none
-    sd_m: standard deviation on each axis [m]; with full_cov, the root of its mean variance
+    position_m: position [m], (dim,)
+    full_cov: covariance of the position [m²], (dim, dim); None if the file has none
+    sd_m: standard deviation on each axis [m]; if there is a `full_cov`, the root of its mean variance
     """
 
     node: str
@@ -63,7 +64,7 @@ def cov_of(entries_mm2: ArrayLike, dim: int) -> Floats:
 
 
 def cov_entries_mm2(cov: Floats) -> list[float]:
-    """The entries of a covariance [mm²], in the order of `cov_names`; cov: covariance [m²], (dim, dim)."""
+    """The entries of a covariance [m²], (dim, dim), converted to mm², in the order of `cov_names`."""
     return [float(1e6 * cov[a, b]) for a, b in _entries(len(cov))]
 
 

@@ -9,7 +9,7 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Shortest and longest plausible frame interval [s]; choice: a camera of 1000 frames/s; the filter's `forget_s`."""
+"""Shortest and longest plausible frame interval [s]; choice: 1000 frames/s, and the filter's `forget_s`."""
 
 USUAL_S = 1.0 / 30.0
 """Typical interval of a tracker's frames [s], from which the unit of times is guessed; choice."""
@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit in which the number `stated` is nearest to the time `expected_s`.
+    """The unit with which the number `stated` is nearest to the time `expected_s`.
 
-    The result is None if this unit is seconds, or if the two times differ by more than the factor `most` in this unit.
+    None if this unit is seconds, or if `stated` in this unit still differs from `expected_s` by a factor above `most`.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -50,7 +50,7 @@ def check_seconds(table: Table, column: str) -> None:
 
 
 def check_within(table: Table, column: str, times_s: Floats) -> None:
-    """Raise InputError if no time in a column is near the frames; times_s: times of the frames [s], (n_frames,)."""
+    """Raise InputError if no time in a column is near the frames, which have the times `times_s` [s], (n_frames,)."""
     times = table.numbers[column]
     first_s, last_s = float(times_s[0]), float(times_s[-1])
     if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):

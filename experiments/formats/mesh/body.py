@@ -20,8 +20,8 @@ UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Metres per unit of length."""
 
 SMALLEST_M, LARGEST_M = 0.02, 1.0
-"""Permitted extent of a body along its longest axis [m]; choice: it includes a phantom of 20 mm and a trunk of 1 m, and
-a wrong unit changes the extent by a factor of ten or more."""
+"""Permitted extent of a body along its longest axis [m]; choice: phantoms of 20 mm and trunks of 1 m are permitted. A
+wrong unit changes the extent by a factor of ten or more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +29,7 @@ class Body:
     """A body of tetrahedra, with the data fields of its file.
 
     fields: data of the nodes by name, (n,); cell_fields: data of the elements by name, (m,)
-    faces: the outer faces, with the file's data for triangles; NaN for faces that the file does not list
+    faces: the outer faces, with the file's data for triangles. The data are NaN for faces that the file does not list.
     """
 
     mesh: TetMesh
@@ -102,7 +102,7 @@ def _volume(source: Source, scale: float) -> Body:
 
 
 def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Floats]) -> Cells:
-    """The outer faces of a mesh, with the data of the file's triangles; NaN for faces that the file does not list."""
+    """The outer faces, with the file's data for triangles. The data are NaN for faces that the file does not list."""
     faces, n = surface(mesh).faces, len(mesh.nodes)
     keys, given = (
         (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))

@@ -25,23 +25,23 @@ EDGES = 20
 """Default number of element edges along the diagonal of a body's bounding box, as in fTetWild."""
 
 LEAST_EDGES, MOST_EDGES = 3.0, 200.0
-"""Least and largest number of element edges along a body's diagonal; choice: fewer edges leave no interior, more edges
-give millions of nodes."""
+"""Least and largest number of element edges along the diagonal of a body's bounding box; choice: fewer edges leave no
+interior, more edges give millions of nodes."""
 
 ENVELOPE = 0.1
-"""Largest distance by which fTetWild may move the surface, relative to an element's edge [1]; choice: less than the
+"""Largest distance by which fTetWild may move the surface [1], relative to an element's edge; choice: less than the
 error of elements of this size."""
 
 GRID = 0.4
-"""Cell size of the grid in `clustered`, relative to an element's edge [1]; choice: a surface of 4,340 triangles is
+"""Cell size of the grid in `clustered` [1], relative to an element's edge; choice: a surface of 4,340 triangles is
 filled in 5 s instead of 40 s, with the same volume to 0.1 %."""
 
 
 def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
-    """Nodes [m], (n, 3), and triangles, (m, 3), counter-clockwise from outside, of a closed surface in one piece.
+    """Nodes [m], (n, 3), and triangles, (m, 3), of a surface. Corners are counter-clockwise, as seen from outside.
 
     Corners with equal coordinates are joined, since some formats repeat them for each triangle. If all triangles face
-    inward, their node order is reversed. Raises InputError.
+    inward, their node order is reversed. Raises InputError if the surface is not closed, or not in one piece.
     """
     used, place = np.unique(faces, return_inverse=True)
     nodes, joined = np.unique(points[used], axis=0, return_inverse=True)
@@ -65,7 +65,7 @@ def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tup
 
 
 def _check_edges(path: Path, nodes: Floats, faces: NDArray[np.int64]) -> None:
-    """Raise InputError unless each edge belongs to two triangles, which run along it in opposite directions."""
+    """Raise InputError unless each edge belongs to two triangles that list its ends in opposite order."""
     n = len(nodes)
     ends = np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
     keys, which, count = np.unique(n * ends.min(axis=1) + ends.max(axis=1), return_inverse=True, return_counts=True)
@@ -130,9 +130,9 @@ def _by_ftetwild(
 
 
 def clustered(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
-    """The surface after all points in each grid cell are replaced by their mean; triangles without area are omitted.
+    """A coarser surface: all points in one cell of a grid are replaced by their mean. `side_m` is the cell size [m].
 
-    Triangles are sorted by cell: fTetWild is ten times slower if neighbours are far apart in the list.
+    Triangles without area are omitted. The others are sorted by cell, which makes fTetWild ten times faster.
     """
     cells = np.unique(np.floor(nodes / side_m).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
     means = np.stack([np.bincount(cells, axis) for axis in nodes.T], axis=1) / np.bincount(cells)[:, None]

@@ -27,7 +27,7 @@ FORMS = '"y < 6" [mm], "region 3" or "wall"'
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectMesh:
-    """The mesh of a scene; wall: indices of nodes that the source file labels as fixed, (k,), possibly none."""
+    """The mesh of a scene. `wall` has the indices of the nodes that the source file labels as fixed, (k,)."""
 
     mesh: TetMesh
     wall: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Cache, in the user's folder, of networks to which meshes were reduced; the reduction takes seconds."""
+"""Cache of reduced networks of meshes in the user's folder, because the reduction takes seconds."""
 
 from __future__ import annotations
 

@@ -21,10 +21,10 @@ READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": 
 """Modules of meshio by file name extension."""
 
 READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
-"""Permitted cells with their numbers of nodes; points and lines are ignored, a quadrilateral becomes two triangles."""
+"""Number of nodes of each permitted kind of cell. Points and lines are ignored; quadrilaterals become two triangles."""
 
 HEADER = 600
-"""Number of bytes of a VTK file that contain its header, whose lines have at most 256 characters."""
+"""Number of bytes that contain the header of a VTK file; each line of the header has at most 256 characters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

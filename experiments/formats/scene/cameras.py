@@ -24,9 +24,9 @@ Camera = PlaneCamera | SpaceCamera | LensFile
 
 
 def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
-    """The camera of a table; only its lens if the pose is missing.
+    """The camera of a table, or only its lens if the table states no pose.
 
-    folder: folder of the camera file, if the table names one; dim: dimension of the scene
+    folder: folder of the camera file; dim: dimension of the scene
     Raises ValueError, `key: expected …, found …`, for faults of the table, and InputError for faults of the file.
     """
     if dim == 3:
@@ -69,7 +69,7 @@ def _of_keys(table: CameraTable, dim: int) -> Camera:
 
 
 def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
-    """The camera with this lens at the table's pose; only the lens if the table has no pose."""
+    """The camera with this lens and the table's pose. If the table has no pose, the result is the lens."""
     if table.rotation is None or table.translation_mm is None:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM

@@ -20,7 +20,7 @@ from experiments.formats.scene.schema import FilterTable, UncertaintyTable
 
 
 def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> ParameterUncertainty | None:
-    """The uncertainty of the network's constants; raises NetworkError."""
+    """The uncertainty of the network's constants; None without a table. Raises NetworkError for an invalid table."""
     if table is None:
         return None
     if table.parameters is None or table.directions is None:

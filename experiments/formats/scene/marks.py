@@ -40,7 +40,7 @@ class Mark:
         return MarkHue(**{key: getattr(self, key) for key in HUE_KEYS})
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """Shape of the mark's image [px], (2, 2), see `Outline.shape_px`; place_m: position on the plane [m], (2,)."""
+        """Shape of the mark's image [px], (2, 2), see `Outline.shape_px`. The mark lies at `place_m` [m], (2,)."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 

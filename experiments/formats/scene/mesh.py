@@ -27,20 +27,21 @@ LINE = "needle"
 
 SPACING, EDGES = 0.05, 1.5
 """The spacing of points on the needle's line is SPACING times the body's extent, but at least EDGES times an element's
-edge; choices: the needle's force is spread over about this distance; points in one element move together."""
+edge. Choice: the needle's force is spread over about this spacing. Points in one element move together."""
 
 APART_M = 1e-5
 """Two points coincide if their distance is less than this [m]; choice: less than the accuracy of any mark."""
 
 ON_SKIN_M = 1e-3
-"""A point outside the body counts as on the skin if it is nearer than this [m]; choice: entries are rounded."""
+"""Largest distance from the body at which a point counts as a point on the skin [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneMesh:
     """The mesh of a scene.
 
-    file: name of the mesh file, which lies beside the scene's file; content: bytes of the mesh file
+    file: name of the mesh file, which lies beside the scene's file
+    content: bytes of the mesh file
     fixed: text that selects the fixed nodes, see `held`; None if no nodes are fixed
     driven: whether the fixed nodes move together as a rigid body; the motion is unknown
     regions: for each tissue, the number of its region in the mesh
@@ -58,7 +59,7 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with the stiffness that they have in this network, for example after an identification.
+        """The tissues with Young's moduli that give this network's stiffness, for example after an identification.
 
         The damping does not change. Therefore the ratio damping_s changes inversely to the stiffness.
         """
@@ -69,13 +70,13 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network with the modes that `LEFT_OUT` omits, for the true motion; points and tissues do not change."""
+        """The network including the modes that `LEFT_OUT` omits, with which true motions are simulated."""
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
 
     def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
-        """The table `[mesh]` with the stiffness of the network. further: names and positions of points to add [m]."""
+        """The table `[mesh]` with the stiffness of the network. `further`: names and positions of more points [m]."""
         tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
         return mesh_table(self.file, self.fixed, tissues, [*self.points, *further], driven=self.driven)
 
@@ -87,7 +88,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
 
 
 def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh of a table `[mesh]`, and its network; content: bytes of the mesh file. Raises SceneError, InputError."""
+    """The mesh of a table `[mesh]` and its network; `content` is the mesh file. Raises SceneError or InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
@@ -117,7 +118,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
-    """Distance of each position from the body [m], (n,); 0 inside the body. places: the positions [m], (n, 3)."""
+    """Distance of each of the positions `places` [m], (n, 3), from the body [m], (n,). Inside the body it is 0."""
     return _outside_m(mesh_of(mesh.content, Path(mesh.file)).mesh, places)
 
 
@@ -155,7 +156,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """The table `[mesh]`. tissues: tissues by region number; points: names and positions [m]."""
+    """The table `[mesh]` with tissues by region number, and with names and positions of points [m]."""
     return MeshTable(
         file=file,
         fixed=fixed,

@@ -18,7 +18,7 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 
 
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
-    """The scene with body, gravity, target and reference marks moved; mesh_file: file of the moved mesh.
+    """The scene with moved body, gravity, target and reference marks. `mesh_file` is the file of the moved mesh.
 
     Raises SceneError if the moved scene is not valid, for example if a mark is beyond a camera's horizon.
     """
@@ -40,7 +40,7 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 def _moved_mesh(
     mesh: SceneMesh, network: MassSpringNetwork, motion: RigidMotion, file: Path
 ) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The moved mesh and its network. The mesh file lists the fixed nodes: a plane in `fixed` cannot be moved."""
+    """The moved mesh and its network. Its file lists the fixed nodes, because a plane in `fixed` cannot be moved."""
     of = mesh_of(mesh.content, Path(mesh.file))
     wall = of.wall if mesh.fixed is None else held(of, mesh.fixed)
     content = mesh_content(ProjectMesh(replace(of.mesh, nodes=motion.moved(of.mesh.nodes)), wall))

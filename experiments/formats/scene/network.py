@@ -15,7 +15,7 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
-"""Least length of a spring in the drawn shape [mm]; choice: less than the accuracy of any drawing."""
+"""Least length of a spring [mm] in the drawn shape; choice: less than the accuracy of any drawing."""
 
 
 def is_node_name(name: str) -> bool:
@@ -108,7 +108,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
-    """Lines of `[network]`; groups: as in `spring_groups`."""
+    """Lines of `[network]`. `groups` has the name of each spring's group, see `spring_groups`."""
     lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {

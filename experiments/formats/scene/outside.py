@@ -16,7 +16,7 @@ from experiments.formats.mesh.project_file import held, mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Cell size of the finest grid in `fewer`, relative to the body's size [1]; ratio of two successive cell sizes [1]."""
+"""Finest cell size in `fewer` [1], relative to the body's size, and ratio of two successive cell sizes [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +68,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """The surface of these faces; positions [m], (n, 3), that are not corners of a face are omitted."""
+    """The surface of these faces. Positions that are not corners of a face are omitted."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

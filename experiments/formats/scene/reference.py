@@ -44,7 +44,7 @@ class ReferenceMark:
 class Reference:
     """Reference marks of a scene.
 
-    drift_sd_m: standard deviation of an undetected drift of the camera or tracker on each axis [m]; None if not stated
+    drift_sd_m: standard deviation of an undetected drift of camera or tracker, on each axis [m]; None if not stated
     position_sd_m: standard deviation of the error of each mark's stated position on each axis [m]
     """
 

@@ -19,14 +19,14 @@ UNIT = 30.0
 """If a number is UNIT times too large or too small, its unit is wrong; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
-"""Largest share of the weight that springs at their drawn lengths may leave unbalanced; choice: lengths are rounded."""
+"""Springs balance the weight if at most this share of the weight remains unbalanced; choice: lengths are rounded."""
 
 LONGEST = 2.0
 """A spring counts as stretched if its length in the rest shape is this many times its unloaded length; choice."""
 
 DENSITY = 100.0
-"""A plausible density [kg/m³]; it is computed as a node's mass divided by the cube of a spring's length. Choice: tissue
-has 1000 kg/m³, a phantom less."""
+"""A plausible density [kg/m³], in the sense of `mass of a node / (length of a spring)³`. Choice: tissue has 1000 kg/m³,
+and a phantom has less."""
 
 GRAVITY = 9.81
 """Acceleration of gravity [m/s²]."""
@@ -42,7 +42,7 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""Probable unit of a key's numbers, for springs that are 10**n times too soft. Each index is a pair: the key, and n."""
+"""Probable unit of a key's numbers if springs are 10**n times too soft. Each index is a pair: the key, and n."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
@@ -51,7 +51,7 @@ NO_REST = "braces, stiffer springs or anchors would hold it"
 def check_rest(network: MassSpringNetwork) -> None:
     """Raise SceneError if a network's rest shape is far from the drawn shape, or if a key seems to have a wrong unit.
 
-    Raises NetworkError if there is no rest shape, although all units seem to be right.
+    Raises NetworkError if there is no rest shape for another reason.
     """
     if network.continuum is not None:
         return
@@ -79,10 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on all stiffnesses with which springs balance the weight in the drawn shape; 1 if there is no such factor.
-
-    springs, weight: forces on the free nodes [N], (n_free, dim)
-    """
+    """Factor on all stiffnesses that makes springs balance the weight in the drawn shape; 1 if no factor does this."""
     largest, heaviest = np.abs(springs).max(), np.abs(weight).max()
     if largest == 0.0:
         return 1.0
@@ -113,7 +110,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """Message that names the key whose unit is probably wrong; lacking: factor by which the stiffness is too small."""
+    """Message that names the key whose unit is probably wrong. The stiffness is too small by the factor `lacking`."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)

@@ -143,7 +143,7 @@ class Scene:
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """For each camera in space, independent errors of one standard deviation [px, 1, rad, m], (n, 15)."""
+        """Calibration errors of each camera in space: n independent errors of one sd [px, 1, rad, m], (n, 15)."""
         places = reference_places(self.reference, self.network)
         return principal_steps(self.space_cameras, np.vstack([self.network.positions, *places.values()]))
 
@@ -285,7 +285,7 @@ def digest(lines: Sequence[str]) -> str:
 
 
 def step_lines(steps: Sequence[Step]) -> list[str]:
-    """The lines of `[[provenance]]`, one table for each step, without a date: equal steps give equal lines."""
+    """Lines of `[[provenance]]`, one table for each step. They have no date, so that equal steps give equal lines."""
     lines = []
     for step in steps:
         lines += ["", "[[provenance]]", *key_lines(step.model_dump(exclude={"kept"}))]

@@ -80,7 +80,7 @@ class MeshTissueTable(Strict):
 
 
 class MeshPointTable(Strict):
-    """`[[mesh.point]]`: a named point of the mesh. A mark's point lies on the surface, the target's point inside."""
+    """`[[mesh.point]]`: a named point of the mesh. Points of marks lie on the surface; the target lies inside."""
 
     name: Name
     position_mm: Three
@@ -89,7 +89,8 @@ class MeshPointTable(Strict):
 class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
-    fixed: text that selects the fixed nodes, see `held`; driven: whether these nodes move as a rigid body
+    fixed: text that selects the fixed nodes, see `held`
+    driven: whether the fixed nodes move as a rigid body
     """
 
     file: Name
@@ -161,7 +162,7 @@ class TargetTable(Strict):
 class CameraTable(Strict):
     """`[[camera]]`: a homography (only in the plane), a lens with or without a pose, or a camera file.
 
-    Camera files of ROS and OpenCV have no pose. Beside such a file, the table may state the pose.
+    Camera files of ROS and OpenCV have no pose. With such a file the table may state the pose.
     """
 
     name: Name | None = None
@@ -208,9 +209,9 @@ LogSd = Annotated[float, Field(gt=0, le=700)]
 class UncertaintyTable(Strict):
     """`[uncertainty]`: relative standard deviations of the tissue's constants.
 
-    The table has one of two forms. In the first form it states standard deviations for kinds of constants. The errors
-    of all constants are then independent. In the second form it names `parameters`. The rows of `directions` are then
-    independent errors of the logarithms of the parameters. Each row has the size of one standard deviation.
+    The table has one of two forms. The first form states a standard deviation for each kind of constant. The errors of
+    all constants are independent. The second form states `parameters` and `directions`. The rows of `directions` are
+    independent errors of the logarithms of the parameters, each of one standard deviation.
     """
 
     stiffness: LogSd | None = None
@@ -237,7 +238,7 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: settings that replace the defaults; led_nodes: nodes that a hand or robot moves all the time."""
+    """`[filter]`: settings that replace the defaults. A hand or robot moves the nodes `led_nodes` all the time."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
@@ -249,7 +250,7 @@ class FilterTable(Strict):
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""Names of steps; `simulate`: the recording in the scene's folder was simulated with the scene's constants."""
+"""Names of steps. Step `simulate`: the scene has the constants with which the recording in its folder was simulated."""
 
 
 class Step(Strict):

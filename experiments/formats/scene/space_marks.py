@@ -45,7 +45,7 @@ def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], .
 def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
     """Normals of the convex hull of the body as drawn.
 
-    A corner has the area-weighted mean of its facets' normals. A node inside has the normal of the nearest facet.
+    A corner has the area-weighted mean of its facets' normals. Nodes inside the hull have the nearest facet's normal.
     """
     x, rows = network.positions, [network.index(node) for node in nodes]
     try:

@@ -15,7 +15,7 @@ class Target:
 
     radius_m: largest distance between needle and target for a hit [m]
     offset_m: constant offset from the node [m]; empty if zero
-    position_sd_m: standard deviation of the target in the tissue on each axis [m]; it includes the registration error
+    position_sd_m: standard deviation of the target's position on each axis [m], including the registration error
     """
 
     node: str

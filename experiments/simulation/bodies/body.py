@@ -12,15 +12,15 @@ from experiments.arrays import Floats
 GRAVITY_M_S2 = 9.81
 
 MARK_SD_M = 0.5e-3
-"""Standard deviation of a mark on each axis, for bodies with the size factor 1 [m]; proportional to that factor."""
+"""Standard deviation of a mark on each axis [m], for a body with the size factor 1; it scales with the size factor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
     """Factors on a body's size, stiffness and mass. Gravity, duration and frame rate do not change.
 
-    If only the size changes, masses scale with its cube and spring constants with its square, so that the sag relative
-    to the size does not change. Dashpot constants scale so that damping ratios do not change.
+    If only the size changes, masses scale with the cube and spring constants with the square of the size. The sag
+    relative to the size then does not change. Dashpot constants scale so that damping ratios do not change.
     """
 
     size: float = 1.0
@@ -58,12 +58,13 @@ class Body:
     """A moving body: its true motion, and the network with which a user models it.
 
     network: the user's network with the best-known constants, in the shape that a user would draw
-    times_s: times of the frames [s], (n_frames,); positions: true positions of nodes [m], (n_frames, n_nodes, dim)
-    marked: names of the visible nodes; mark_sd_m: standard deviation of their marks on each axis [m]
+    times_s: times of the frames [s], (n_frames,)
+    positions: true positions of the nodes [m], (n_frames, n_nodes, dim)
+    marked: names of the visible nodes; mark_sd_m: standard deviation of a mark on each axis [m]
     at_rest: whether the body is at rest in the drawn shape
     in_line: whether the nodes form a line, in their order
     led: marked nodes that the simulation moves along a path
-    kinds: the kind of each spring; identification finds a factor for each kind, or for each spring if `kinds` is empty
+    kinds: the kind of each spring. Identification finds a factor for each kind; if `kinds` is empty, for each spring.
     """
 
     network: MassSpringNetwork

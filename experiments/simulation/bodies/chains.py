@@ -26,8 +26,8 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend of a joint [rad] at which the spring over two segments in the user's network stores as much energy as the true
-joint; at smaller bends this spring stores less. The value is the rms bend of the simulated cables at both speeds."""
+"""Bend of a joint [rad] at which the true joint and the spring over two segments in the user's network have the same
+energy. At smaller bends the spring has less. The value is the rms bend of the simulated cables at both speeds."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
@@ -37,7 +37,7 @@ HIDDEN_OF_CABLE = (5, 6, 7)
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     """A pendulum of rigid links in the plane; a camera sees its outer end at 100 Hz.
 
-    The motion of rigid links does not depend on mass and stiffness. If one of them is scaled, true links can stretch.
+    Mass and stiffness do not affect the motion of rigid links. If a factor on them is not 1, the links can stretch.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -90,7 +90,7 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
 
 
 def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
-    """A cable of twelve segments in space; one end is fixed, one end is moved along a path, and the middle is hidden.
+    """A cable of twelve segments in space. One end is fixed, one end moves along a path, and the middle is not visible.
 
     speed: factor on the speed of the moved end; with the factor 1 this end moves at up to 1 m/s
     """
@@ -144,7 +144,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
     """A smooth random path of the cable's moved end: a function of the time that gives a position [m], (3,).
 
-    At time 0 the cable is straight. After rise_s [s] the end moves near a point where the cable is slack.
+    At time 0 the cable is straight. After rise_s [s] the cable is slack, and its moved end stays near one point.
     """
     waves = (6, 3)
     w, phase = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, waves), rng.uniform(0.0, 2.0 * np.pi, waves)

@@ -27,7 +27,7 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""A block is pressed from below: largest pressure / Young's modulus [1], and radius of the pressed area / side [1]."""
+"""Largest pressure on a block as a share of Young's modulus; radius of the pressed area as a share of the side."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
@@ -168,7 +168,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Act) -> Any
 
 
 def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Callable[[], Floats]) -> Act:
-    """The action of random forces with pauses; each call of `forces` returns forces on all nodes [N], (n_nodes, 3)."""
+    """A function that applies random forces with pauses. `forces` draws the forces on all nodes [N], (n_nodes, 3)."""
     own = model.flex_vertbodyid > 0
     between = (0.2, 0.8)
     found = pushes(rng, seconds, lambda: forces()[own], first=(0.2, 0.5), lasts=between, pause=between)
@@ -178,7 +178,7 @@ def _pushing(rng: np.random.Generator, model: Any, seconds: float, forces: Calla
 def _leading(
     rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
 ) -> Act:
-    """The action of dashpots on nodes, and of springs from nodes to points that move along smooth random paths."""
+    """A function that applies forces of dashpots, and of springs from nodes to points that move on smooth paths."""
     amplitude = 0.12 * float(np.ptp(grid[:, 0]))
     w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
     together = amplitude * rng.normal(size=3)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 
 Act = Callable[[float, Any], None]
-"""Function of the time [s] and MuJoCo's data that sets forces or prescribed positions for the next step."""
+"""A function of the time [s] and of MuJoCo's data. It sets forces or prescribed positions for the next step."""
 
 Push = tuple[float, float, Floats]
 """Constant forces on bodies: their start [s], their end [s], and their values [N], (n_bodies, 3)."""
@@ -22,7 +22,7 @@ Range = tuple[float, float]
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model and data from XML, with computed positions."""
+    """MuJoCo's model and data from XML. The data have the computed positions of the bodies."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -32,9 +32,9 @@ def compiled(xml: str) -> tuple[Any, Any]:
 def motion(
     model: Any, data: Any, read: Callable[[Any], Floats], *, times_s: Floats, longest_s: float, act: Act | None = None
 ) -> Floats:
-    """Results of `read` at equally spaced times, (n_frames, ...); the motion starts from the present `data`.
+    """Simulate a motion from the present `data`, and return `read(data)` at each time, (n_frames, ...).
 
-    times_s: times [s], (n_frames,); longest_s: longest permitted integration step [s]
+    times_s: equally spaced times [s], (n_frames,); longest_s: longest permitted integration step [s]
     """
     interval = float(times_s[1] - times_s[0])
     n_steps = int(np.ceil(interval / longest_s - 1e-9))
@@ -63,7 +63,7 @@ def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float
 def pushes(
     rng: np.random.Generator, seconds: float, forces: Callable[[], Floats], *, first: Range, lasts: Range, pause: Range
 ) -> list[Push]:
-    """Successive forces that start before the time `seconds`; first, lasts, pause: ranges of random times [s]."""
+    """Successive forces before the time `seconds`; first start, durations and pauses are random in these ranges [s]."""
     found, start = [], float(rng.uniform(*first))
     while start < seconds:
         end = start + float(rng.uniform(*lasts))
@@ -73,7 +73,7 @@ def pushes(
 
 
 def pushing(bodies: NDArray[np.int64], found: Sequence[Push]) -> Act:
-    """A function that applies the forces in `found` to these bodies of the model."""
+    """A function that applies the forces `found` to the bodies of the model with the indices `bodies`."""
 
     def act(time_s: float, data: Any) -> None:
         data.xfrc_applied[:] = 0.0
