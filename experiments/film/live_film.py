@@ -65,7 +65,7 @@ class LiveFilm:
             self._threads[name].put((step.estimates[FILTER].time_s, image, overlay))
 
     def finish(self, folder: Path) -> None:
-        """Write the waiting pictures and join each film's pieces; move films to an existing folder; write worst.png."""
+        """Write the waiting pictures, join each film's pieces, move the films to `folder`, and write worst.png."""
         for thread in self._threads.values():
             thread.finish()
         if not self.n_written:

@@ -30,7 +30,7 @@ from experiments.film.strokes import (
 from vision.arrays import Image
 
 WITHIN_95 = 2.447746830680816
-"""Semi-axes of a 95 % ellipse in standard deviations: root of the 95 % quantile of chi-square, 2 degrees of freedom."""
+"""Semi-axes of a 95 % ellipse in standard deviations: `sqrt(chi2.ppf(0.95, 2))`."""
 LIGHT: Colour = (255, 255, 255)
 SPRING: Colour = (215, 215, 215)
 TARGET: Colour = (66, 228, 240)
@@ -52,10 +52,10 @@ class Fate(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkDrawn:
-    """A mark as drawn: its name, its hue [degrees], and its result in the frame, `fate`.
+    """A mark as drawn: name, hue [degrees] and `fate`, which is the mark's result in the frame.
 
-    center_px, cov_px2: the detection, (2,), (2, 2); None for a lost mark
-    expected_px, expected_cov_px2: the prediction, (2,), (2, 2); None if it is not known
+    center_px, cov_px2: position, (2,), and covariance, (2, 2), of the detection; None for a lost mark
+    expected_px, expected_cov_px2: position, (2,), and covariance, (2, 2), of the prediction; None if it is not known
     shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
     candidate_px: a detection that was rejected, (2,); why: the reason for `fate` in words
     measured: whether the filter uses the mark
@@ -79,7 +79,7 @@ class NeedleDrawn:
     """A needle.
 
     shaft_px: ends of the drawn shaft, (2, 2); ahead_px: ends of the line ahead of the tip, (2, 2)
-    aim_px, aim_cov_px2: predicted position of the target at arrival, (2,), (2, 2); None if not known
+    aim_px, aim_cov_px2: target's predicted position, (2,), and covariance, (2, 2), when the needle arrives, or None
     """
 
     shaft_px: Floats
@@ -98,7 +98,7 @@ class Overlay:
     target_px: the target's estimate, (2,), NaN outside the view; target_cov_px2: its covariance, (2, 2), or None
     target_shape_px: matrix that maps the unit disc to the target's image about its center, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint
-    advice, advice_colour: the advice in a line, empty without a needle; its colour
+    advice, advice_colour: text of the advice, and its colour; without a needle the text is empty
     """
 
     status: str
@@ -141,7 +141,7 @@ def sketched(image: Image, overlay: Overlay) -> Image:
 
 
 def scale_of(image: Image) -> float:
-    """How many times larger lines and letters are drawn than in a picture of 640x480; at least 1."""
+    """Factor on the size of lines and letters, relative to a picture of 640x480; at least 1."""
     return max(1.0, min(image.shape[:2]) / 480.0)
 
 
@@ -222,7 +222,7 @@ def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
 
 
 def _names(canvas: Image, overlay: Overlay, scale: float, rows: tuple[float, float]) -> None:
-    """Write names to the upper right of nodes and marks; `rows`: the names stay between these rows of the picture."""
+    """Write names to the upper right of nodes and marks, between the two `rows` of the picture [px]."""
     up = text_height(scale)
 
     def draw(name: str, right: float, above: float, colour: Colour) -> None:

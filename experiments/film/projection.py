@@ -19,7 +19,7 @@ from experiments.pipeline.sight.camera import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500
-"""Number of points on a line that are tested for visibility; numerical: ends of the visible part err by some pixels."""
+"""Number of points on a line whose visibility is tested; numerical: the visible part's ends are some pixels off."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -29,7 +29,7 @@ def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
 
 @lru_cache(maxsize=2)
 def _normals(scene: Scene) -> Mapping[str, Floats]:
-    """Outward unit normal, (3,), of the body's surface at each mark, by node, in the shape that the scene states."""
+    """Outward unit normal of the body's surface at each mark, (3,), by the mark's node, for the scene's own shape."""
     nodes = [mark.node for mark in scene.marks]
     return dict(zip(nodes, outward(scene, nodes), strict=True))
 
@@ -64,7 +64,7 @@ class PlaneView:
         return self.places(ends_m)
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """Projection of a mean [m], (dim,), to [px], (2,), and of its covariance [m²], (dim, dim), to [px²], (2, 2)."""
+        """Project a mean [m], (dim,), and its covariance [m²], (dim, dim), to [px], (2,), and to [px²], (2, 2)."""
         place_px = self._place(mean_m)
         if cov_m2 is None or not np.isfinite(place_px).all():
             return place_px, None
@@ -80,13 +80,13 @@ class PlaneView:
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,). In space, False if the position is None."""
+        """Whether a mark at a position [m], (dim,), may be visible. In space, no mark is visible without a position."""
         return True
 
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """Projection of a body in space into the picture of a camera; normals: outward unit normals at marks, (3,)."""
+    """Projection of a body in space into the picture of a camera; normals: outward unit normal at each mark, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

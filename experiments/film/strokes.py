@@ -20,9 +20,9 @@ DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 MARGIN_PX = 8.0
-"""Lines are clipped at this distance outside the picture [px], which is more than a line's width."""
+"""Lines are clipped this far outside the picture [px]; no line is wider."""
 NEAR_PX = 1e4
-"""Largest coordinate at which lines need no clipping [px]: OpenCV's integers can represent it."""
+"""Largest coordinate [px] of lines that need no clipping; OpenCV draws with integers, which have room for it."""
 TEXT_PX = 16.0
 """Height of a line of text in a picture of 480 px [px]."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -38,7 +38,7 @@ def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *,
 
 
 def draw_line(image: Image, points_px: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
-    """Draw a line through points, (n, 2) [px], as `draw_segments` does."""
+    """Draw a line through points, (n, 2) [px]; edge: width of its dark edge [px]."""
     if _is_near(points_px):
         _draw(image, [_fixed(points_px)], colour, width, edge)
     else:
@@ -68,7 +68,7 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
 
 
 def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
-    """The parts of segments, (n, 2, 2), in the picture and a margin around it; segments not finite are omitted."""
+    """The parts of segments, (n, 2, 2), inside the picture enlarged by a margin. Segments with NaN are omitted."""
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
     edges = np.array([[[-MARGIN_PX] * 2], [np.array(size_px) - 1.0 + MARGIN_PX]])
@@ -109,7 +109,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
 
 
 def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw text with dark edges; upper left corner: `at_px`, or moved into the picture. Returns its width [px]."""
+    """Draw text with dark edges; at_px: upper left corner, moved if text leaves the picture; returns the width [px]."""
     ink, edge = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     ink, edge = ink[: part.shape[0], : part.shape[1]], edge[: part.shape[0], : part.shape[1]]
@@ -118,7 +118,7 @@ def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw a dark word on a plate of this colour, placed as in `draw_text`; returns its width [px]."""
+    """Draw a dark word on a plate of this colour; at_px: as in `draw_text`; returns the word's width [px]."""
     ink, _ = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     part[:] = colour
@@ -156,7 +156,7 @@ def text_width(text: str, scale: float) -> int:
 
 @lru_cache(maxsize=512)
 def _letters(text: str, font_scale: float) -> tuple[Picture, Picture]:
-    """Opacity of letters, and of letters with their dark edge, in each pixel [1], (height, width, 1) float32 each."""
+    """Opacity [1] of each pixel of letters without and with their dark edge, (height, width, 1) float32 each."""
     (width, height), below = cv2.getTextSize(text, FONT, font_scale, 1)
     pad = 2
     canvas = np.zeros((height + below + 2 * pad, width + 2 * pad), dtype=np.uint8)

@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of marks, those of one hue: their total area [px], and the least area of a mark for the detector [px]."""
+    """The marks of one hue; the total area of their images [px], and the least area that the detector accepts [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -59,7 +59,7 @@ class Taken:
     stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
 
     def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
-        """Store the pixel counts of a frame; store its picture if a kind has fewer or more pixels than ever before."""
+        """Store the pixel counts of a frame; store its picture if the count of a kind is a new extreme."""
         self.times_s.append(time_s)
         self.pixels.append(list(pixels))
         for k, n in enumerate(pixels):
@@ -104,7 +104,7 @@ def kinds_of(scene: Scene) -> tuple[Kind, ...]:
 
 
 def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
-    """A grey copy of a frame; pixels in a kind's colour range have the kind's hue, and text states their share.
+    """A grey copy of a frame. Pixels in the colour range of a kind of marks have its hue; text states their share.
 
     classes: the kind of each pixel, counted from 1
     """

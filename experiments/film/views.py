@@ -56,7 +56,7 @@ MOST_NAMED = 40
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
-    """A camera perpendicular to the plane, with the network at its centre; InputError in space."""
+    """A camera perpendicular to the plane, with the network at its centre. Raises InputError for a scene in space."""
     if scene.network.dim != 2:
         raise InputError.at("--film", "a flat scene, or cameras with lens and pose in it", "one in space without them")
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
@@ -67,7 +67,7 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 
 
 def film_cameras(scene: Scene) -> dict[str, PlaneCamera | SpaceCamera]:
-    """Cameras of a scene in space, by name; for a flat scene the ground camera, by "". InputError if there are none."""
+    """Cameras of a scene in space, by name. A flat scene has the ground camera with the name "". Raises InputError."""
     return {film_name(one.name, i): one for i, one in enumerate(scene.space_cameras)} or {"": ground_camera(scene)}
 
 
@@ -79,7 +79,7 @@ def pictures_of(
     guidance: Guidance | None = None,
     plan: NeedlePlan | None = None,
 ) -> dict[str, tuple[Image, Overlay]]:
-    """For each camera, its picture and the overlay; a tracker's frames, without pictures, get a plain background."""
+    """The picture and the overlay of each camera. Frames of a tracker have no pictures, and get a plain background."""
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images

@@ -34,7 +34,7 @@ class Still:
 
 
 class WorstFrames:
-    """The worst frame of each kind. Frames of a kind agree in status and in the fault of the first unused mark."""
+    """The worst frame of each kind. A kind is the status, together with the reason why the first mark was missed."""
 
     def __init__(self) -> None:
         self._stills: dict[tuple[str, str], Still] = {}
@@ -55,7 +55,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """The worst frame of each kind with a fault, the worst kinds first; if there are no faults, of every kind."""
+        """The worst frame of each faulty kind, the worst kinds first. Without faulty kinds, the sheet has all kinds."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -79,7 +79,7 @@ def captioned(picture: Image, text: str) -> Image:
 
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
-    """Pictures on a sheet in rows of two, at most MOST_TILES in all. Smaller pictures get a black edge."""
+    """The first `MOST_TILES` pictures on a sheet, in rows of two. Smaller pictures get a black edge."""
     tiles = tiles[:MOST_TILES]
     height, width = np.max([one.shape[:2] for one in tiles], axis=0)
     shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles]

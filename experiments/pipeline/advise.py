@@ -48,7 +48,7 @@ SURE_M = 1e-9
 
 
 SETTLED_S = 0.5
-"""Initial time of tracking in which the breathing model ignores the estimates [s]; choice: early errors are large."""
+"""The breathing model ignores estimates for this duration [s] after tracking starts; choice: early errors are large."""
 
 
 class BreathingPath:
@@ -137,11 +137,11 @@ def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
 
 
 def observed_hits(done: Advised) -> Floats:
-    """For each frame, the probability that a needle inserted as advised hits the true target, (n_frames,).
+    """For each frame, the probability that a needle inserted as the advice says hits the true target, (n_frames,).
 
     The truth was recorded without a needle. Therefore the target's predicted displacement by the needle is added to
     the true position. The probability includes random errors of this displacement and of the needle's tip. If the true
-    position at the time of arrival is not known, the probability is NaN.
+    position is not known for the time when the needle arrives, the probability is NaN.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -175,7 +175,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted hit probability and hit rate over frames with truth. Keys "go_..." are for frames with GO."""
+    """Mean predicted and mean observed hit probability where truth is known. Keys "go_..." are for the advice GO."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)

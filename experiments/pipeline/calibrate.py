@@ -33,7 +33,7 @@ from vision.cameras.board import larger_board
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """The board that the command's options describe; an InputError names the faulty option.
 
-    text: columns x rows, such as 9x6; a chessboard's inner corners are counted, or a ChArUco board's squares
+    text: columns x rows, such as 9x6: numbers of inner corners of a chessboard, or of squares of a ChArUco board
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -140,9 +140,9 @@ def command(
 ) -> list[Calibration]:
     """Calibrate one camera from its pictures, or several cameras jointly. Raises errors for bad input.
 
-    One camera: writes camera.toml, a plot and optional files. Several cameras: writes a .toml file and a plot of each.
+    One camera: writes camera.toml, a plot and optional files. Several cameras: writes a .toml file and a plot for each.
     vector: additional format of the plots, pdf or svg; picture: function that returns the content of a plot file
-    write: function that writes files, given as a map from path to content; folder: opens the folder of several cameras
+    write: function that writes files, given as a map from path to content; folder: opens the folder for several cameras
     """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"

@@ -29,7 +29,7 @@ def method_names() -> tuple[str, ...]:
 
 
 def chosen(text: str | None) -> tuple[str, ...]:
-    """The method names in a comma-separated text, plus open loop and filter; all names for None. Raises InputError."""
+    """The methods in a comma-separated text, plus open loop and filter; if `text` is None, all. Raises InputError."""
     names = method_names()
     named = names if text is None else [name.strip() for name in text.split(",")]
     for name in named:
@@ -72,7 +72,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """Add the estimates of another method, and its computing time per frame [s], to the steps of a track."""
+    """Run one more method; returns the track's steps with this method's estimates and computing time per frame [s]."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps

@@ -19,8 +19,8 @@ CONSTANTS = ("simulate", "identify")
 """Steps that give a scene the tissue's constants: those of the simulation, or those identified from a recording."""
 
 SAGS = 1e-3
-"""If a node rests farther than this from its position in scene.toml, there is a message [1]; choice. The distance is
-relative to the size of the network."""
+"""There is a message if a node rests farther than this from its position in scene.toml; choice. The distance is divided
+by the longest side of the network [1]."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -79,7 +79,7 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Messages on steps that the command `before` requires and the scene lacks, by step.
+    """Messages by step: one for each step that the command `before` requires and the scene lacks.
 
     There is also a message "hidden target" if the target has a measured mark.
     """
@@ -111,7 +111,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """A message if the noise levels are the default or were tuned before `softaim identify`; otherwise None."""
+    """A message if the noise levels were not tuned, or were tuned before `softaim identify`; otherwise None."""
     usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):

@@ -31,7 +31,7 @@ def open_source(
 ) -> tuple[Scene | None, vision.Source]:
     """The scene and the frames of the source `spec`.
 
-    scene_path: scene file; if it is None, the scene is that of the source, or None if the source has no scene
+    scene_path: the scene's file; without a file, the scene is the source's own, or None if the source has none
     live, fps: as in `vision.open_source`; fps also applies to the phantom
     usual_fps: frame rate of a folder of pictures if `fps` is None; phantom: the phantom's process, if already started
     Raises InputError, also if the scene has no camera.
@@ -63,7 +63,7 @@ def open_source(
 def open_live(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
 ) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
-    """Open the sources of a run: the scene, as in `open_source`, and the newest frames of one or several cameras."""
+    """Open the sources of a run; returns the scene, as in `open_source`, and a source of the newest frames."""
     named = by_camera(specs)
     if "" not in named:
         scene, cameras = open_each(specs, scene_path, live=True, fps=fps)
@@ -79,7 +79,7 @@ def open_live(
 def open_each(
     specs: Sequence[str], scene_path: Path | None, *, live: bool, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """The scene, as in `open_source`, and the frames of each camera, by name. A single camera has the name ""."""
+    """The scene, as in `open_source`, and the frames by the name of their camera. A single camera has the name ""."""
     named = by_camera(specs)
     if "" in named:
         scene, frames = open_source(named[""], scene_path, live=live, fps=fps)
@@ -123,7 +123,7 @@ def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
 
 
 def without_fps(spec: str, fps: float | None, what: str) -> None:
-    """Raise InputError if `fps` is stated for a source whose frames have their own times; what: kind of this source."""
+    """Raise InputError if `fps` is stated for a source that has its own frame times; what: the source's kind."""
     if fps is not None:
         raise InputError.at(spec, f"no fps beside {what}", f"{fps:g}")
 

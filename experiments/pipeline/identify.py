@@ -34,14 +34,14 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""If identified constants increase the target's error by more than this factor, they are rejected [1]; choice: a
-recording of a minute determines the factor to a tenth. The error is that of a filter without the target's mark."""
+"""Largest factor [1] by which identified constants may increase the target's error; choice: a minute's recording
+determines this factor to 10 %. The error is that of a filter without the target's mark."""
 
 MOST_SHARED = 0.5
 """Squared correlation above which two constants are reported as confounded [1]; choice."""
 
 NAMED = 4
-"""Largest number of constants named for one combination; also the largest number of pairs named in a line."""
+"""Largest number of constants named for one undetermined combination, and of correlated pairs named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if the mark of one of `nodes` is inside the body, where films of cameras do not show it."""
+    """Raise InputError if the recording has films and a mark of `nodes` is inside the body, where films show none."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -165,7 +165,7 @@ def tuned_scene(
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
     """Name, value [SI], relative standard error and change of each identified constant.
 
-    If the recording does not determine a constant, the constant keeps its value, and its entry `kept` is true.
+    If the recording does not determine a constant, its value is not changed, and `kept` is true.
     mesh: the scene's mesh; None for a network of springs
     """
     tissues = () if mesh is None else mesh.tissues_of(found.network)
@@ -184,7 +184,7 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations of constants on which the recording contains less information than the prior.
 
-    Each entry has the ratio of the combination's posterior to its prior variance, and its most important constants.
+    Each entry has the most important constants, and the posterior variance divided by the prior variance.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []

@@ -27,7 +27,7 @@ from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
-"""A message names the largest sources of the target's variance until they explain this share of the variance [1]."""
+"""The sources of error that a message names cause at least this share [1] of the target's variance."""
 
 SEEN = "marks and disturbances"
 """Name of the part of the target's variance due to noise of the marks and to disturbances (unknown forces)."""
@@ -37,8 +37,8 @@ SEEN = "marks and disturbances"
 class UsualUncertainty:
     """Default standard deviations of errors whose size the scene does not state.
 
-    stiffness, mass: relative errors of each spring's stiffness and of each node's mass, all independent [1]; choice
-    scale: relative error of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
+    stiffness, mass: relative error [1] of each spring's stiffness, of each node's mass; errors are independent; choice
+    scale: relative error [1] of a camera's millimetres per pixel; choice: errors above twice this are implausible
     position_m: error of the target's position in the tissue on each axis [m]; choice: the error if the target was
     located in another image, which was then registered
     drift_m: drift of a camera or tracker without reference marks, on each axis [m]; choice
@@ -55,7 +55,7 @@ USUAL = UsualUncertainty()
 
 
 def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
-    """Static balance of the forces on the body; errors whose size the scene does not state have default sizes.
+    """Static balance of the forces on the body. Errors whose size the scene does not state get default sizes.
 
     By default all springs share one stiffness error. With independent errors, a cut spring could not be detected.
     """
@@ -66,7 +66,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Function from marks' positions to their shifts by each calibration error of one sd; None without cameras."""
+    """Function that returns the marks' shifts by one sd of each calibration error, given their positions."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -81,7 +81,7 @@ def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
 def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
     """Sources of the target's error that cannot be detected from the marks.
 
-    The filter's covariance includes the errors whose size the scene states with these keys: `[uncertainty]` for
+    The filter's covariance includes such an error if the scene states its size. The keys are `[uncertainty]` for
     constants, `scale_sd` or `uncertainty` for a camera, and `position_sd_mm` for the target's position.
     """
     network, nodes = scene.network, scene.measured_nodes
@@ -129,9 +129,9 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Contribution of each source to the target's variance, summed over all axes [m²]; empty if there is no covariance.
+    """Variance of the target by each source of error, summed over all axes [m²]; empty if there is no covariance.
 
-    The sources include errors that the covariance of `estimate` leaves out.
+    Some of these errors are not included in the covariance of `estimate`.
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -143,14 +143,14 @@ def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) ->
 
 
 def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Share of each source in the target's variance, the largest first; see `target_variances`."""
+    """Share [1] of the target's variance that each source of error causes, largest first; see `target_variances`."""
     found = target_variances(budget, estimate)
     whole = sum(found.values()) or 1.0
     return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """Text that names the largest sources of the target's variance; together they explain at least the share `MOST`."""
+    """Text that names the largest sources of the target's variance. Together they cause at least the share `MOST`."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -169,7 +169,7 @@ def _is_unscaled(scene: Scene) -> bool:
 
 
 MEANS = 2.0
-"""Guidance starts this number of averaging times of the force balance after the first marks [1]."""
+"""Time from the first marks to the start of guidance, as a multiple of the averaging time of the force balance [1]."""
 
 UNTESTED = "the forces on the marks have not been observed long enough to test them"
 
@@ -197,8 +197,8 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns the reason to withhold guidance, or None.
 
-        After the first marks, guidance is withheld for `MEANS` averaging times of the force balance, because only this
-        balance reveals a cut spring.
+        Only the balance of forces reveals a cut spring. Therefore guidance is withheld after the first marks until the
+        balance is accurate, as `MEANS` states.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -216,12 +216,12 @@ class IntegrityMonitor:
         self.tested_s = None
 
     def looked(self) -> None:
-        """Clear the contradiction, and tolerate the present delay of pictures: a person has checked both."""
+        """Clear the contradiction and accept the present delay of pictures, because a person has checked both."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """Set the largest delay of pictures [s], and whether pictures come unevenly; returns whether either changed."""
+        """Set the largest delay of pictures [s], and whether they come unevenly; returns whether a value changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven

@@ -49,7 +49,7 @@ class Sight:
     """Record of the search for marks in a frame.
 
     expected: predicted position of each node's mark [m], (dim,), and its covariance [m²], (dim, dim)
-    lost: for each mark that was not found, by node, the reason; the reason is None for another tracker's marks
+    lost: reason why a mark was not found, by the mark's node; for another tracker's marks the reason is None
     came: new distractors, which are objects with the colour of a mark
     """
 
@@ -118,7 +118,7 @@ class Line:
 
     baseline: whether the paper's open loop also runs, in which marks drive the model without a filter
     fixes: direct measurements of the target; the filter uses each at its time, and also estimates their common error
-    check: whether each mark is also predicted without its use; wrong predictions inflate the covariance
+    check: whether each mark is also predicted by a filter that does not use it; bad predictions increase the covariance
     explain: whether each step records the search for marks, with the reasons why some were not found
     """
 
@@ -286,5 +286,5 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """If there are fixes and `settings.fix_bias` is None, the settings with `USUAL_BIAS`; otherwise `settings`."""
+    """The filter's settings for these fixes: `USUAL_BIAS` is their shared error if `settings` states none."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

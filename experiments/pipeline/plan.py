@@ -36,7 +36,7 @@ APART = 10e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan of paths; estimate: status of the target's estimate, or "at rest"; time_s: time of this estimate [s]."""
+    """A plan; estimate: status of the target's estimate, or "at rest"; time_s: the estimate's time [s], or None."""
 
     scene: Scene
     task: Task
@@ -104,7 +104,7 @@ def table(done: Planned) -> pd.DataFrame:
 
 
 def next_best(found: Plan) -> list[int]:
-    """Rows of the best path and of up to `SHOWN` more; the entry points of these paths are at least `APART` apart."""
+    """Rows of the best path and of at most `SHOWN` further paths; their entry points are at least `APART` apart."""
     chosen: list[int] = []
     for k in found.order[: int(found.allowed.sum())]:
         if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):

@@ -42,8 +42,8 @@ Advance = Callable[[float], None]
 class _Piece:
     """The present piece of a recording.
 
-    first_row: number of its first row; begins_at: position of this row in frames.csv [bytes]
-    began_s: clock time at its start [s]; times_s: exposure times of its frames [s]
+    first_row: number of the piece's first row in frames.csv; begins_at: position of this row in the file [bytes]
+    began_s: clock time at which the piece began [s]; times_s: exposure times of the piece's frames [s]
     """
 
     first_row: int
@@ -82,7 +82,7 @@ class Recorder:
         return self._piece.first_row
 
     def take(self, frame: vision.Frame) -> None:
-        """Append a frame; raises InputError if its size differs, or if its time is not later than the last frame's."""
+        """Append a frame. Raises InputError if its size is not `self.size_px`, or its time is not after the last."""
         if self._fault is not None:
             raise self._fault
         height, width = frame.image.shape[:2]
@@ -102,7 +102,7 @@ class Recorder:
         self._last_s = frame.exposure_s
 
     def check(self) -> None:
-        """Finish the present piece if it began `PIECE_S` ago or earlier."""
+        """Finish the present piece if it began at least `PIECE_S` seconds ago."""
         if self._piece.times_s and self._clock() - self._piece.began_s >= PIECE_S:
             self.finish_piece()
 
@@ -147,10 +147,10 @@ def record(
     force: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Record frames to a new folder until the source ends, `seconds` are over or Ctrl-C; returns the number of frames.
+    """Record frames to a new folder until Ctrl-C, the source's end, or `seconds` [s]; returns the number of frames.
 
     sources: the source of one camera, or the sources of several cameras by name
-    scene: its cameras must state the size of the frames; scene_path: the scene's file, which is copied to the folder
+    scene: scene whose cameras state the size of the frames; scene_path: its file, which is copied to the folder
     force: whether the first frame removes an older recording in the folder
     Nothing is written before the first frame. Raises InputError, SourceError; the frames recorded so far are kept.
     """
@@ -264,7 +264,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """Folders with the pieces of each camera; empty if the pieces were joined, or for a single camera."""
+    """The folder with the pieces of each camera; an empty list for a single camera, or if the pieces were joined."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 

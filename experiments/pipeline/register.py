@@ -23,7 +23,7 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""Least p-value of residuals that agree with the stated errors of the points [1]; choice."""
+"""Least p-value [1] at which residuals still agree with the stated errors of the points; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: distance of each point from its prediction by the other points, and the expected distance [m]
+    left_out: observed and expected distance [m] of each point from the position that the other points predict
     suspect: the point whose omission gives the best fit; None if no point can be omitted
     target_sd_m: standard deviation of the registration at the target on each axis [m]
     stated: whether the scene stated `position_sd_mm`, the error of the target's position, before the registration
@@ -67,7 +67,7 @@ class Registered:
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
     """Move a scene so that it fits points that a tracker measured on the body. Raises InputError.
 
-    table: a file of points, or a folder with marks.csv, of which only the first `seconds` [s] are used
+    table: a file of points, or a folder with marks.csv; seconds: duration of the table's first part, which is used [s]
     mesh_file: file for the moved mesh
     """
     path = table / MARKS if table.is_dir() else table
@@ -93,7 +93,7 @@ def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Re
 
 
 def _points(scene: Scene, path: Path, seconds: float) -> Points:
-    """The points of a table, each at its mean position in the first `seconds`."""
+    """The points of a table at their mean positions in its first part; seconds: duration of that part [s]."""
     times_s, rows = read_points(path, scene)
     last_s = times_s.min(initial=np.inf) + seconds + SAME_TIME_S
     used: dict[str, list[MarkRow]] = {}
@@ -131,7 +131,7 @@ def _check_reading(path: Path, points: Points, plain_m: float) -> None:
 
 
 def _target_sd(scene: Scene, found: Registration) -> float:
-    """Registration error at the target on each axis [m]; increased if residuals exceed the stated errors."""
+    """Registration error at the target on each axis [m]. Residuals larger than the stated errors increase it."""
     target = scene.target
     place = scene.network.positions[[scene.network.index(target.node)]] + np.array(target.offset_m or 0.0)
     larger = max(1.0, np.sqrt(found.chi_square / found.degrees))
@@ -139,7 +139,7 @@ def _target_sd(scene: Scene, found: Registration) -> float:
 
 
 def _left_out(points: Points, k: int, others: Registration | None) -> tuple[float, float] | None:
-    """Distance of a point from the position that the other points predict, and the expected distance [m]."""
+    """Observed and expected distance of a point from the position that the other points predict [m]."""
     if others is None:
         return None
     drawn = points.drawn[[k]]

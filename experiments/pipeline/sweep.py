@@ -46,7 +46,7 @@ CHECKED_S = 1.0
 
 
 def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
-    """A case for each combination and seed. Raises InputError for a case that cannot run."""
+    """A case for each seed and each combination of the grid's values. Raises InputError for a case that cannot run."""
     for k, name in enumerate(sweep.methods):
         if name not in method_names():
             raise InputError.at(f"{sweep.path}: methods[{k}]", f"one of {', '.join(method_names())}", shown(name))
@@ -77,7 +77,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, true: Scene, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """The part of a scenario that determines the motion, without the file name of the scene."""
+    """The tables and keys of a scenario that determine the motion; the file name of the scene is not among them."""
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
     with placed(sweep.path, InputError):
@@ -105,14 +105,14 @@ def _tables(text: str, name: str) -> SceneFile:
 
 
 def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
-    """The scene in a scene file's `text`, or the scene of the scenario's phantom if `text` is None; without cameras."""
+    """The scene in a scene file's `text`, or the phantom of the scenario if `text` is None. Cameras are omitted."""
     if text is None:
         return replace(scene_of(scenario), cameras=())
     return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene that methods use; factors: factor on each kind of constant; changed: changed values of `[filter]`."""
+    """The scene that methods use; factors: multiply the constants, by kind; changed: values that replace `[filter]`."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
@@ -125,7 +125,7 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
 
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
-    """The simulated motion for a scenario, a scene's `text` and a seed; truths: folder that caches motions, or None."""
+    """The simulated motion for a scenario, the text of a scene file and a seed; truths: folder that caches motions."""
     network, rng = true_scene(text, scenario).network, np.random.default_rng([seed, 1])
     network = true_network(network, scenario, seed)
     if truths is None:
@@ -136,8 +136,9 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
-    """A row for each method in one run: the figures of `softaim compare`, and the error divided by the open loop's.
+    """A row for each method in one run: the figures of `softaim compare`, and `by_open_loop`.
 
+    by_open_loop: the method's mean error divided by the mean error of the open loop
     truths: folder in which runs on this machine cache and share simulated motions
     """
     setup, seed = case["setup"], case["seed"]
@@ -163,9 +164,9 @@ def run_sweep(
     *,
     force: bool = False,
 ) -> tuple[Study, pd.DataFrame]:
-    """Do the runs that the folder lacks; write runs.parquet, runs.csv, summary.csv and summary.md to the folder.
+    """Do all runs that the folder does not have yet; write runs.parquet, runs.csv, summary.csv and summary.md to it.
 
-    Returns the runs, and the table of `summarised`.
+    Returns the runs, and the summary of `summarised`.
     force: whether the folder may have other files. If the input is invalid, InputError is raised before the first run.
     """
     cases = cases_of(sweep)
@@ -192,8 +193,8 @@ def _check_folder(folder: Path, force: bool) -> None:
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """A row for each combination and method, in the grid's order, with counts of runs and failures, and with figures.
 
-    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median of runs
-    by_open_loop: mean error divided by the open loop's mean error
+    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: rms error over the frames of all runs
+    by_open_loop: mean error divided by the open loop's mean error; ms_per_frame: median over runs
     """
     keys = list(sweep.keys)
     rows = []

@@ -55,7 +55,7 @@ class Track:
     withheld: by node, how well a filter without the node's mark predicts this mark; empty without `check`
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of the target's variance is the constant error of its position in the tissue
-    marks: by node, shares of frames in which its mark was found, rejected or not found, and why
+    marks: by node, shares of frames in which its mark was used, rejected or not found, with the most frequent reason
     """
 
     recording: Recording
@@ -90,9 +90,9 @@ def track(
     check: bool = False,
     watch: Watcher | None = None,
 ) -> Track:
-    """Run the filter and the open loop through every frame; advance: called with the completed share.
+    """Run the filter and the open loop through every frame; advance: called with the share of processed frames.
 
-    check: whether each mark is also predicted without its use; watch: called with each frame and its `Step`
+    check: whether each mark is also predicted by a filter that does not use it; watch: called with frame and `Step`
     Raises InputError, SourceError.
     """
     if check and len(recording.scene.measured_nodes) < 2:
@@ -265,7 +265,7 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
 
 
 def verdict_of(done: Track) -> str:
-    """Verdicts on the filter from innovations and truth, and the number of frames with marks."""
+    """The verdict on the filter in words: tests by innovations and by the truth, and numbers of frames by status."""
     estimates, found = done.estimates(FILTER), figures(done, FILTER)
     refused = int(done.counts.get("marks_refused") or 0)
     frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None

@@ -63,8 +63,8 @@ MOST_CHANGES = 40
 """If the advice changes more often than this, the plot has no lines at the changes: the lines would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Largest difference of probabilities that is not visible in the plot [1]; largest range of a miss that counts as
-constant [lesion radii]."""
+"""Probabilities look the same in the plot if they differ by at most SAME [1]. A miss counts as constant if its range is
+at most STEADY [lesion radii]."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print for a body in space [mm]: of a view, of a close-up, and of the square that the view's axes fill."""
@@ -111,7 +111,7 @@ def advice_figure(done: Advised) -> Figure:
 
 
 def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
-    """Draw the needle and the last aim from two sides, in views of the body and close-ups; returns legend entries."""
+    """Draw the needle and the last aim in two views of the body, and in a close-up of each; returns legend entries."""
     scene, plan = done.recording.scene, done.plan
     aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
     at_rest = scene.network.positions[scene.network.index(scene.target.node)]
@@ -141,7 +141,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw hit probabilities of an insertion now, later and after a turn; omit the last two if they look the same."""
+    """Draw the hit probability now, at the best time and after a turn; the last two only if they differ from now."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -156,7 +156,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
 
 
 def _differ(rows: pd.DataFrame, column: str) -> bool:
-    """Whether this probability differs visibly, in at least one frame, from that of an immediate insertion."""
+    """Whether the probability in a column differs visibly from that of an immediate insertion, in any frame."""
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
 
 

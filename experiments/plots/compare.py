@@ -44,13 +44,13 @@ def comparison_figure(done: Track) -> Figure:
 
 
 def _off_mm(done: Track, method: str) -> Floats:
-    """Error of a method in each frame [mm], (n,); without truth, its distance from the filter's estimate."""
+    """Error of a method in each frame [mm], (n,). If the truth is unknown: the distance from the filter's estimate."""
     about = done.truth if done.has_truth else np.array([e.mean for e in done.estimates(FILTER)])
     return np.asarray(1e3 * np.linalg.norm(np.array([e.mean for e in done.estimates(method)]) - about, axis=1))
 
 
 def _predicted_mm(done: Track, method: str) -> Floats:
-    """Root mean square error predicted by a method, (n,) [mm]; NaN if it predicts none."""
+    """Root mean square error that a method predicts in each frame [mm], (n,); NaN without a prediction."""
     variances = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
     return np.sqrt(table(done, method)[variances].sum(axis=1, skipna=False).to_numpy())
 

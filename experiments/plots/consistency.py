@@ -25,10 +25,10 @@ SPARED = 0.05
 """Largest share of frames that may lie beyond one end of an axis; the plot states the number of frames outside."""
 
 NARROW = 3.0
-"""An axis has linear ticks up to this ratio of its upper to its lower limit [1]: logarithmic ticks would be too few."""
+"""Largest ratio [1] of an axis's limits at which the ticks are linear; there would be too few logarithmic ticks."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
-"""Least and largest NEES or NIS in a plot [1]: about four decades beyond the bounds of consistent frames."""
+"""Bounds of a plot of NEES or NIS [1]; they are about four decades outside the bounds for a consistent filter."""
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
@@ -42,10 +42,10 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 @styled
 def sigma_figure(done: Track) -> Figure | None:
-    """Observed error over predicted standard deviation, for groups of frames; None without errors or covariances.
+    """Plot of the observed error against the predicted standard deviation, by groups of frames.
 
-    If the covariance is consistent, 95 % of the groups lie in the band. Errors of frames are correlated in time, so the
-    band's width uses the effective number of independent errors in a group.
+    None without errors or covariances. If the covariance is consistent, 95 % of the groups lie in the band. Errors are
+    correlated in time. Therefore the band's width uses the effective number of independent errors in a group.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
@@ -136,7 +136,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Bar chart of observed over predicted error of each mark; a filter that does not use this mark predicts it.
+    """Bar chart of each mark's rms error divided by the rms error that a filter without this mark predicts.
 
     Raises ValueError if there are no marks.
     """

@@ -104,7 +104,7 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Observed hit rate over the hit probability that the policy `filter-ahead` predicts when it decides to insert.
+    """Plot of the observed hit rate against the hit probability that `filter-ahead` predicts when it starts to insert.
 
     In each run the radius of the lesion is random.
     """
@@ -112,13 +112,13 @@ def reliability_figure(done: Trials) -> Figure:
 
 
 def advised_figure(done: Trials) -> Figure:
-    """Observed hit rate of immediate insertions over the hit probability that the advice predicted."""
+    """Plot of the observed hit rate of immediate insertions against the hit probability that the advice predicted."""
     return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
 
 
 @styled
 def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
-    """Observed hit rate over predicted hit probability, in ten bins, with 99 % intervals."""
+    """Plot of the observed hit rate against the predicted hit probability, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")

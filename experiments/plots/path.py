@@ -1,4 +1,4 @@
-"""Plot of the target's path: a flat path is coloured by time; in space there are coordinates over time and views."""
+"""Plot of the target's path. A flat path is coloured by time. In space there are views, and coordinates over time."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ OURS_IN_TIME = colormaps[TIME_MAP](0.35)
 def path_figure(done: Track) -> Figure:
     """Path of the hidden target on a frame of the film, and a close-up with the filter's 2-sigma ellipses.
 
-    In space the figure shows the target's coordinates over time instead, and from two sides the body and a close-up.
+    In space the figure shows the target's coordinates over time, and two views of the body, each with a close-up.
     """
     return _in_plane(done) if done.recording.scene.network.dim == 2 else _in_space(done)
 
@@ -112,7 +112,7 @@ def _in_space(done: Track) -> Figure:
 
 
 def _last(done: Track) -> TargetEstimate | None:
-    """The last estimate with a mean near the body and an ellipsoid smaller than the body; None if there is none."""
+    """The last estimate whose mean is near the body and whose ellipsoid is smaller than the body, or None."""
     box, size = widened(body_box(done), AROUND), body_size(done)
     near = [e for e in done.estimates(FILTER) if e.cov is not None and not outside(e.mean[None], box)[0]]
     return next((e for e in reversed(near) if e.cov is not None and _fits(e.cov, 0.5 * size)), None)
@@ -148,7 +148,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """Draw a close-up of the paths with ellipses; returns the numbers of ellipses drawn and of those too large."""
+    """Draw a close-up of the paths with ellipses; returns how many are drawn, and how many are omitted as too large."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -164,7 +164,7 @@ def _close(done: Track, ax: Axes) -> tuple[int, int]:
 
 
 def _paths(done: Track, ax: Axes, thick: float) -> None:
-    """Draw the paths of filter, truth and open loop; estimates outside are counted, the filter's also marked."""
+    """Draw the paths of filter, truth and open loop. Estimates outside are counted; those of the filter are marked."""
     means, papers, times = means_mm(done, FILTER), means_mm(done, OPEN_LOOP), done.times_s
     truth = 1e3 * done.truth
     shown = slice(None, None, -(-len(means) // N_DRAWN))
@@ -193,7 +193,7 @@ def _of_time(done: Track) -> Normalize:
 
 
 def _ellipse_keys(done: Track) -> dict[str, Line2D]:
-    """Legend entries by label: an ellipse, and a faint ellipse if any is drawn."""
+    """Legend entries by label: an ellipse, and a faint ellipse if any frame has one."""
     opacities = {"2-sigma ellipse": 0.9}
     if any(e.status in MISSED for e in done.estimates(FILTER)):
         opacities["coasting, lost or diverged"] = FAINT
@@ -204,7 +204,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """Draw 2-sigma ellipses of some frames; returns the numbers of ellipses drawn and of those too large.
+    """Draw 2-sigma ellipses of some frames; returns how many are drawn, and how many are omitted as too large.
 
     If no consistent marks support an estimate, its ellipse is faint.
     """

@@ -55,7 +55,7 @@ def _xy(place: Floats) -> tuple[float, float]:
 
 @styled
 def plan_figure(done: Planned) -> Figure:
-    """The tissue with needle paths, a close-up of the lesion and a table of paths; a body in space from two sides."""
+    """The tissue with needle paths, a close-up of the lesion and a table of paths. In space there are two views."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 
@@ -159,7 +159,7 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
-    """Function of the height in the view [mm]: horizontal position of the best path, or, without one, of the lesion."""
+    """Function from height to horizontal position in the view [mm], of the best path; without paths, of the lesion."""
     found = done.plan
     tip, entry = (
         view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))
@@ -184,7 +184,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
-    """Draw the path of highest hit probability from each entry, and with thicker lines the best and next best paths."""
+    """Draw the path of highest hit probability from each entry; the best and the next best paths have thicker lines."""
     found = done.plan
     n_aims = done.task.n_aims
     shown = [
@@ -284,7 +284,7 @@ def _close_up(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
 
 
 def _frame(done: Planned, ax: Axes) -> None:
-    """Limit the axes to entries, lesion and obstacles; an inset shows where in the tissue this part is."""
+    """Limit the axes to entries, lesion and obstacles; an inset shows the place of this section in the tissue."""
     found, network = done.plan, done.scene.network
     ends = [place for one in done.task.obstacles for place in (one.start[:2], one.end[:2])]
     x = 1e3 * np.vstack([found.entries[:, :2], found.tips[:, :2], *(end[None] for end in ends)])

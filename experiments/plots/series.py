@@ -39,7 +39,7 @@ def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]
 
 
 def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
-    """Colour the background of each frame by its kind, a status or an advice; kinds without a colour are omitted.
+    """Colour the background of each frame by its kind, which is a status or an advice; some kinds have no colour.
 
     The label of a band is its kind.
     """
@@ -58,10 +58,10 @@ N_CARETS = 400
 """Largest number of carets on an edge: more would merge."""
 
 OUTLIERS = 0.01
-"""For the body's box, this share of the lowest and of the highest mark positions on each axis is omitted: outliers."""
+"""Share [1] of mark positions that count as outliers at either end of each axis; the body's box omits them."""
 
 USUAL, FAR = 0.99, 10.0
-"""An axis shows a series up to its quantile `USUAL`, but not beyond `FAR` times its median [1]."""
+"""An axis shows a series up to its quantile `USUAL`, but at most up to the multiple `FAR` of its median."""
 
 
 def body_box(done: Track) -> Floats:
@@ -87,7 +87,7 @@ def within(points: Floats, box: Floats) -> Floats:
 
 
 def outside(points: Floats, box: Floats) -> NDArray[np.bool_]:
-    """Whether each point, (n, dim), is outside a box with this lowest and highest corner, (2, dim); False for NaN."""
+    """Whether each point, (n, dim), is outside a box; box: lowest and highest corner, (2, dim). False for NaN."""
     return np.asarray(((points < box[0]) | (points > box[1])).any(axis=1))
 
 
@@ -98,7 +98,7 @@ def widened(box: Floats, share: float) -> Floats:
 
 
 def highest(most: float, *series: Floats) -> float:
-    """Upper limit of an axis that shows the usual values of all series, as `USUAL` states; it is at most `most`."""
+    """Upper limit of an axis for the values of all series that are not outliers, see `USUAL`; it is at most `most`."""
     sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
     tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
     top = 1.2 * max(tops, default=0.0)
@@ -106,7 +106,7 @@ def highest(most: float, *series: Floats) -> float:
 
 
 def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A series as a line of at most `N_DRAWN` points; a longer series keeps the extreme values of blocks of frames.
+    """A series as a line of at most `N_DRAWN` points. In a longer series, blocks of frames keep their extreme values.
 
     A block without any finite value breaks the line.
     """
@@ -148,7 +148,7 @@ def sigma_mm(done: Track, axis: int) -> Floats:
 
 
 def draw_motion(done: Track, ax: Axes, axis: int) -> None:
-    """Draw a coordinate of the target: truth, open loop, and the filter with a band of two standard deviations."""
+    """Draw one coordinate of the target over time. The filter has a band of two standard deviations."""
     low, high = usual_range(done, axis)
     ax.set_ylim(low, high)
     truth = 1e3 * done.truth[:, axis]
@@ -160,7 +160,7 @@ def draw_motion(done: Track, ax: Axes, axis: int) -> None:
 
 
 def usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis with the truth, the filter's path near the body, and a margin of three median sigmas."""
+    """Limits [mm] of an axis that shows the truth and the filter's path near the body, with a margin for sigma."""
     (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], means_mm(done, FILTER)[:, axis]
     truth = 1e3 * done.truth[:, axis]
     near = np.concatenate([places[(places >= low) & (places <= high)], truth[np.isfinite(truth)]])
@@ -175,9 +175,10 @@ def usual_range(done: Track, axis: int) -> tuple[float, float]:
 def draw_over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """Draw a coordinate of filter and open loop over time, with a band for each of the multiples of sigma.
+    """Draw a coordinate over time, with a band for each of the multiples of sigma.
 
-    `ours` is by the filter, `papers` by the open loop. A single band is about `ours`; several bands are about zero.
+    ours: values of the filter; papers: values of the open loop
+    A single band has its centre at `ours`; several bands have it at zero.
     """
     times = done.times_s
     at, spread = thinned(times, sigma)

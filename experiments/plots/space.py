@@ -27,7 +27,7 @@ from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
 """Directions to the viewer [degrees]: azimuths in the plane of x and z, from z toward x; elevation above this plane.
-Plots show the first view, and of the other views the one with most marks that the first view hides."""
+Plots show the first view, and a second one: the view that shows most of the marks that the first view hides."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
@@ -36,13 +36,13 @@ N_SPRINGS = 600
 """If there are more springs than this, no springs are drawn: they would hide each other."""
 
 SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
-"""Colours in full light of a free surface and of the wall, its fixed part; colours of near and of far springs."""
+"""Colours of faces in full light: free surface, and fixed wall. Colours of springs: near, and far from the viewer."""
 
 VISIBLE = 0.01
 """If the wall fills more than this share of a body's visible area in one of the views, the legend names the wall."""
 
 DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
-"""Brightness of a face that the lamp does not light [1]; direction to the lamp: right, up and toward the viewer."""
+"""Brightness of a face that gets no light of the lamp [1]. Direction to the lamp: right, up and toward the viewer."""
 
 MARGIN = 0.06
 """Margin around a body, relative to its size."""
@@ -170,7 +170,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Place each name beside its mark, where it covers as little as possible of marks, earlier names and `kept_free`.
+    """Place each name beside its mark, where the overlap with marks, earlier names and `kept_free` is least.
 
     Returns the lower left corners of the names, (n, 2).
     scale: units of the plot per millimetre in print; kept_free: boxes, each (2, 2), that names should not cover

@@ -31,7 +31,7 @@ DPI = 300
 """Resolution of PNG files [px/inch]: journals require it for halftones."""
 
 TEXT_PT, SMALL_PT = 7.0, 6.0
-"""Font sizes of titles and axes, and of ticks, legends and notes [pt]: six is the least that is legible in print."""
+"""Font sizes [pt]: of titles and axes; of ticks, legends and notes. 6 pt is the least that is legible in print."""
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"

@@ -28,10 +28,10 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    path.png is always drawn. If the truth is known, there are error.png and sigma.png; otherwise there is motion.png,
-    which in space is part of path.png. If the filter used marks, there is consistency.png. If the track has predictions
-    of withheld marks, there is withheld.png.
-    vector: "pdf" or "svg" for a vector file of each plot; advance: called with the completed share
+    path.png is always drawn. If the truth is known, there are error.png and sigma.png; otherwise a flat scene has
+    motion.png. If the filter used marks, there is consistency.png. If the track has predictions of withheld marks,
+    there is withheld.png.
+    vector: "pdf" or "svg" for a vector file of each plot; advance: called with the share of plots that are drawn
     """
     pictures: dict[str, Figure | None] = {"path": path_figure(done)}
     if done.has_truth:

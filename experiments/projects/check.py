@@ -32,10 +32,10 @@ FRAMES_PER_S = 30.0
 """Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""The filter runs with marks at rest until its covariance is steady; shortest and longest duration of this run [s]."""
+"""Shortest and longest run of the filter with marks at rest [s]; the run ends when the covariance is steady."""
 
 SETTLED = 0.01
-"""The target's variance is steady if it changes by at most this relative amount in a quarter of a second [1]."""
+"""The target's variance is steady if its relative change in a quarter of a second is at most this [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,11 +46,11 @@ class SceneCheck:
     stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's integration [s]
     interval_s: frame interval [s]; seen: the measured marks in a frame at rest
     single: in space, nodes of the marks that only one camera sees
-    unfound: for each node whose mark was not found, the reason; None if marks.csv has no row of the mark
+    unfound: reason for each mark that was not found, by its node; None if marks.csv has no row of the mark
     estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m: lower bound on the target's standard deviation per axis for unbiased estimates, if nothing pushes [m]
-    pushed_m: this bound if all marked nodes are pushed as strongly as the scene's filter assumes [m]
+    quiet_m: lower bound on the sd of an unbiased estimate of the target, per axis, without pushes [m]
+    pushed_m: the same bound with pushes of all marked nodes, as strong as the scene's filter assumes [m]
     """
 
     path: Path
@@ -106,8 +106,8 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s: frame rate [1/s]; None: that of the recording, or the default `FRAMES_PER_S`
-    sd_mm: standard deviation of marks [mm]; None: from marks.csv or a picture, or the default `NEAR_SD_MM`
+    frames_per_s: frame rate [1/s]; by default that of the recording, or `FRAMES_PER_S` without a recording
+    sd_mm: standard deviation of marks [mm]; by default that in marks.csv or in a picture, or else `NEAR_SD_MM`
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -162,7 +162,7 @@ def _interval_s(recording: Recording | None) -> float:
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
-    """Measured marks at rest, nodes whose mark only one camera sees, and, by node, why a mark was not found.
+    """Measured marks at rest; nodes whose mark only one camera sees; reason for each mark that was not found, by node.
 
     The covariances come from `sd_mm`, marks.csv or a picture; by default the standard deviation is `NEAR_SD_MM`.
     """
@@ -191,7 +191,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """Result of the detection of marks in each camera's first picture; without a recording, in synthetic pictures."""
+    """Detect the marks in each camera's first picture; without a recording the pictures are synthetic."""
     scene, images = line.scene, {}
     x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
     if recording is not None:
@@ -224,7 +224,7 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Covariance of each node [m²], from its row with the median standard deviation; and the nodes without a row.
+    """Covariance of each node's mark [m²], from its row of median standard deviation; nodes without a row.
 
     usual: covariances that are returned if no node has a row
     """
@@ -236,7 +236,7 @@ def _in_rows(
 def _after_rest(
     line: Line, seen: tuple[MarkMeasurement, ...], interval_s: float, advance: Callable[[float], None]
 ) -> TargetEstimate:
-    """The filter's estimate of the target after a run with marks at rest, when its covariance is steady."""
+    """The filter's estimate of the target after marks have been at rest until the covariance is steady."""
     recent = max(1, int(np.ceil(0.25 / interval_s)))
     n_least, n_most = (max(recent + 1, int(np.ceil(length / interval_s))) for length in (SETTLING_S, LONGEST_S))
     variances: list[float] = []

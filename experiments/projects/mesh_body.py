@@ -51,8 +51,8 @@ N_MARKS = 40
 """Default number of marks of a project."""
 
 FEW, MANY = 10, 80
-"""Fewer marks than `FEW` determine the target poorly, more than `MANY` make an estimate too slow; choice: in a breast
-of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10. A frame takes 40 ms with 80 marks."""
+"""Least and largest number of marks without a warning; choice: in a breast of 968 nodes the target's sd is 2.1 mm with
+6 marks and 0.3 mm with 10. An estimate takes 40 ms with 80 marks; more marks would be too slow."""
 
 WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 """Forms of `--fixed`, for messages."""
@@ -63,13 +63,13 @@ NEAR = 0.05
 """Largest distance by which a mark is moved onto the surface, relative to the body's extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Least sum of the free nodes' interpolation weights at a target [1]: below, fixed nodes hold the target; numerical."""
+"""Least sum of the free nodes' interpolation weights at a target that can move [1]; numerical."""
 
 N_DRAWS = 100
 """Largest number of random positions that are tried until the simulated lesion is inside the body; choice."""
 
 FINEST = 7
-"""Decimals of the positions in a new project [m]: 0.1 µm."""
+"""Number of decimals of positions in metres in a new project: positions are rounded to 0.1 µm."""
 
 SHALLOWEST_MM = 0.01
 """Least depth of a target below the surface [mm]: on the surface, the direction from target to skin is not defined."""
@@ -79,8 +79,8 @@ SHALLOWEST_MM = 0.01
 class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
-    marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
-    driven: whether the wall, which consists of the fixed nodes, moves
+    marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: position of the target, as x,y,z
+    regions: tissue of each label, as LABEL=TISSUE; driven: whether the wall (the fixed nodes) moves
     """
 
     path: Path
@@ -188,13 +188,13 @@ def _outside(of: MeshChoice, places: Floats) -> InputError:
 
 
 def _label_of(fixed: str) -> str:
-    """The text after "faces" in the option `--fixed`, LABEL or FIELD=LABEL; empty if the option has another form."""
+    """The text after "faces" in the value of `--fixed`: LABEL or FIELD=LABEL; empty for a value without "faces"."""
     what, _, label = fixed.strip().partition(" ")
     return label.strip() if what == "faces" else ""
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """Nodes of the faces with the label in `fixed`, None without one; InputError for an unknown or ambiguous label."""
+    """Nodes of the faces with the label that `fixed` states; None without a label; InputError for a wrong label."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -276,7 +276,7 @@ def _place(text: str) -> Floats:
 
 
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
-    """Position of the target [m], (3,): from the option, or the centre of the element nearest to the body's centre.
+    """The target's position [m], (3,); by default the centre of the element nearest to the body's centre.
 
     anchored: fixed nodes; raises InputError if they hold the target
     """
@@ -299,7 +299,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """Random position of the simulated lesion [m], (3,), in movable tissue; its sd on each axis is `target_sd_mm`."""
+    """Random position of the simulated lesion [m], (3,), in tissue that can move; its sd is `target_sd_mm`."""
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):

@@ -1,4 +1,4 @@
-"""Spring meshes of a user: `nodes.csv`, and optionally `springs.csv`; without it, a triangulation gives the springs.
+"""Spring meshes of a user: `nodes.csv` and `springs.csv`. If springs.csv is missing, a triangulation gives the springs.
 
 nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or empty
 springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
@@ -23,8 +23,8 @@ YES = ("yes", "")
 """Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]. A mark's diameter, a sixth of it, is rounded to 0.1 mm and must not become 0.
-Shorter springs are usually due to lengths in metres."""
+"""Shortest permitted spring [m]. A mark's diameter is a sixth of the shortest spring, is rounded to 0.1 mm and must not
+become 0. Shorter springs are usually due to lengths in metres."""
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom, dict[str, float]]:
@@ -116,7 +116,7 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
 
 
 def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
-    """Free nodes at corners of the convex hull, or, if there are none, all free nodes; always without the target."""
+    """Free nodes except the target: those at corners of the convex hull; if there are none, all free nodes."""
     free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
     corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
     return [name for name in free if name in corners] or free

@@ -75,7 +75,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and glandular tissue, from a field of glandular shares; mixtures have interpolated constants."""
+    """Mixtures of fat and glandular tissue with interpolated constants; field: share of glandular tissue."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)

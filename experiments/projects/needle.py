@@ -12,21 +12,21 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle displaces; numerical: the last one moves the aim by
-less than 10 µm."""
+"""Number of iterations for the aim at a target that the needle displaces; numerical: the last iteration moves the aim
+by less than 10 µm."""
 
 N_ENTRIES = 200
 """Number of possible entries whose errors are compared; choice: about 15 mm apart on a breast's skin."""
 
 THROUGH = np.linspace(0.1, 1.0, 10)
-"""Points of the path that must lie in tissue, as fractions of the way from the entry to the target [1]."""
+"""These points of the path must lie in tissue: fractions [1] of the way from the entry to the target."""
 
 BEFORE = np.linspace(0.02, 1.0, 25)
 """Distances before the entry at which the needle must be outside the tissue, relative to the body's extent [1]."""
 
 
 def aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Unit vector from the entry to the target as displaced by the needle, (dim,), and this displacement [m], (dim,).
+    """Unit vector from the entry to the displaced target, (dim,), and the target's displacement [m], (dim,).
 
     start, entry: positions of the target at rest and of the entry [m], (dim,)
     """
@@ -47,7 +47,7 @@ def surest_entry(
 ) -> tuple[Floats, Floats]:
     """The entry with the least error of the tip [m], (3,), and the needle's direction, (3,).
 
-    The error is due to the needle's push on the target and to its bending. Entries on the side of the wall are
+    The needle pushes the target and bends; both cause the error. Entries on the side of the wall are
     excluded, because the rest of the patient's body is there.
     faces: free surface, (k, 3); wall: fixed nodes, (n_fixed,)
     nearest: the surface's point nearest to the target [m], (3,), which is returned if no entry is possible

@@ -23,13 +23,13 @@ MOVED_M = 0.01
 """Displacement of a mesh's target by breathing [m]."""
 
 POKED_M = 0.02
-"""Static displacement of a mesh's softest mark by the force of the strongest poke [m]; choice: as by a probe."""
+"""Displacement [m] of a mesh's softest mark if the strongest poke's force acted steadily; choice: as by a probe."""
 
 WAVE = 2.5
-"""Ratio of a breath's range to the amplitude of its first harmonic [1]: 2 to 3, depending on the harmonics' phases."""
+"""Range of a breath divided by the amplitude of its first harmonic [1]; 2 to 3, depending on the harmonics' phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""Acceleration by the strongest poke, by dimension [m/s²]; choice: 15 m/s² is 0.6 N on a mass of 40 g."""
+"""Acceleration in the strongest poke [m/s²], for each dimension of the tissue; choice: 15 m/s² is 0.6 N on 40 g."""
 
 HORIZON_S = 1.0
 """Time from now within which advice looks for the best time to start [s]: five periods of a breast's oscillation."""
@@ -163,7 +163,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _soft_poke_m_s2(scene: Scene) -> float:
-    """Acceleration of the strongest poke [m/s²]; as a constant it would move a mesh's softest mark by `POKED_M`."""
+    """Acceleration of the strongest poke [m/s²]. If it acted steadily, the softest mark would move by `POKED_M`."""
     network = scene.network
     compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
     own = [network.coordinates(node) for node in scene.measured_nodes]

@@ -23,8 +23,8 @@ UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Directions from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
-"""Durations of the recordings [s]: at rest, for calibration, for scoring without and with breathing. The last has five
-breaths; the breathing model predicts after two."""
+"""Durations of the recordings [s]: at rest, for calibration, for scoring without breathing, for scoring with breathing.
+With breathing there are five breaths. The breathing model predicts after two."""
 
 
 class Kind(StrEnum):
@@ -48,7 +48,7 @@ def project(
     """The template of a project of this kind; raises InputError for options that belong to another kind.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
-    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: of the simulated tissue
+    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: seed of the simulated tissue
     """
     belongs = {
         "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),

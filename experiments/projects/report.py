@@ -25,10 +25,10 @@ N_LOWEST = 3
 """Number of frequencies that are listed, lowest first."""
 
 SURE = 0.9
-"""Least hit probability of the best aim without a warning [1]; it equals the default threshold of the advice GO."""
+"""If the hit probability of the best aim is below this [1], there is a warning; it is the default threshold of GO."""
 
 SURER = 0.95
-"""Least ratio of the target's sd by the filter at rest to the bound `quiet_m` [1]; a smaller ratio gives a warning."""
+"""If the filter's sd of the target at rest, divided by the bound `quiet_m`, is below this [1], there is a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +246,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _view(done: SceneCheck) -> str:
-    """If marks are outside a flat scene's picture, text on the area that the camera sees; otherwise empty."""
+    """Text on the area that a flat scene's camera sees; empty if all marks are in its picture."""
     outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
     view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
     if view is None:
@@ -256,7 +256,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """Text on the first mark that was not found for the most frequent reason, and on what the user should check."""
+    """Text on a mark that was not found, and on what to check; the mark's reason is the most frequent one."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]
@@ -284,7 +284,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Hit probability of an aim at the target's mean, if the target's sd on each axis is the lower bound `quiet_m`."""
+    """Hit probability of an aim at the target's mean; the target's sd on each axis is the lower bound `quiet_m`."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -304,7 +304,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Distance of a node at rest from its position in the scene above which the report states this distance [m]."""
+    """The report states how far a node at rest is from its position in the scene if the distance exceeds this [m]."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

@@ -32,7 +32,7 @@ from experiments.projects.needle import aimed
 from vision import PlaneCamera, fronto_parallel_camera
 
 HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
-"""Hues that successive marks get in turn [degrees]: a sixth of the circle apart."""
+"""Hues of marks [degrees]. The first marks get these hues in this order; then the hues repeat."""
 
 MARK_SIZE = 1.0 / 6.0
 """Diameter of a mark, relative to the shortest spring."""
@@ -41,13 +41,13 @@ RADIUS_MM = 5.0
 """Radius of the target [mm]."""
 
 LEAST_REACH_MM = 20.0
-"""Least distance of the needle's entry from the target [mm], also for a target on the outline of the nodes."""
+"""Least distance of the needle's entry from the target [mm]; it also holds for a target at the edge of the body."""
 
 SIZE_PX, ROOM = (640, 480), 1.6
-"""Size of the picture [px]; least ratio of the size of the visible part of the plane to the body's size [1]."""
+"""Size of the picture [px]. The visible part of the plane is larger than the body by at least the factor `ROOM` [1]."""
 
 FINEST_MM = 0.01
-"""Size of a camera's pixel on the plane [mm]: step of rounding, and least size."""
+"""Resolution of a camera's scale: the size of a pixel on the plane is a multiple of this, and at least this [mm]."""
 
 CALIBRATION_SD_PX = 0.68
 """Standard deviation of a mark's position in simulated films with the light `paper` [px]."""
@@ -66,7 +66,7 @@ class Template:
     assumed: the user's scene, which the filter assumes; its positions are those at rest
     truth: the scene of the simulated tissue at rest; only its constants and positions differ from `assumed`
     entry_m: where the needle enters the tissue [m], (dim,)
-    direction: unit vector from the entry to the target as displaced by the needle, (dim,)
+    direction: unit vector from the entry to the position to which the needle moves the target, (dim,)
     """
 
     title: str
@@ -136,7 +136,7 @@ def _camera(positions: Floats) -> PlaneCamera:
 
 
 def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:
-    """Random factors on the simulated tissue's constants: their logarithms by kind, (n_springs,) or (n_nodes,)."""
+    """Logarithms of random factors on the simulated tissue's constants, by kind, (n_springs,) or (n_nodes,)."""
     names = sorted(set(phantom.groups))
     group = np.array([names.index(one) for one in phantom.groups])
     factors = {}

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 LONGEST_M = 10.0
-"""Largest absolute value of a position's coordinate [m]: a larger one is an error of the client; choice."""
+"""Largest absolute value of a coordinate from a client [m]; choice: larger values are errors."""
 
 Coordinate = Annotated[float, Field(ge=-1e3 * LONGEST_M, le=1e3 * LONGEST_M)]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
@@ -19,7 +19,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Pause or resume the use and recording of frames; during a pause the target is predicted, but without advice."""
+    """Pause or resume the use and recording of frames. A pause stops the advice, but not the target's prediction."""
 
     command: Literal["pause"]
     on: bool
@@ -39,7 +39,7 @@ class Reset(_Command):
 
 
 class Fix(_Command):
-    """A direct measurement of the target, such as by ultrasound: position [mm], or [px] in the picture, and sd [mm]."""
+    """A direct measurement of the target, such as by ultrasound: its position [mm] or [px], and its sd [mm]."""
 
     command: Literal["fix"]
     place_mm: Place | None = None

@@ -30,7 +30,7 @@ class Faces:
 def listening(option: str, address: str, port: int | None) -> socket.socket:
     """A socket that listens at "HOST:PORT", "HOST" or "PORT"; raises InputError, for example for a port in use.
 
-    option: the option's name, for error messages; port: default for an address without one, None for any free port
+    option: the option's name, for error messages; port: port if `address` states none; None means any free port
     """
     host, wanted = _parts(option, address, port)
     try:

@@ -15,7 +15,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A state of the run: its number, from 1; its JSON text; if any client requests pictures, a picture as JPEG."""
+    """A state of the run. number: from 1; text: JSON; picture: JPEG, or None if no client requests pictures."""
 
     number: int
     text: bytes

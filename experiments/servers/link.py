@@ -27,7 +27,7 @@ MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval between pictures [s]; choice: viewers see no difference to a shorter interval."""
+"""Least interval between pictures [s]; choice: a shorter interval would look the same."""
 
 QUALITY = 80
 """JPEG quality, out of 100; choice: marks and their rims are clearly visible."""
@@ -80,7 +80,7 @@ class Link:
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace the state that waits to be sent; message: function that makes its message in another thread."""
+        """Replace the state that waits to be sent; message: function that another thread calls to make the message."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()

@@ -40,7 +40,7 @@ def scene_message(
 ) -> dict[str, Any]:
     """The first message for viewers.
 
-    picture_px: width and height of the picture to whose pixels states refer; None for a scene in space
+    picture_px: width and height of the picture; positions in states are in its pixels; None for a scene in space
     """
     network, surface = scene.network, None
     if network.dim == 3:

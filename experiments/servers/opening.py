@@ -14,11 +14,11 @@ from experiments.servers.link import Link
 
 @contextmanager
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
-    """Serve a page and OpenIGTLink in another process until the context ends; yields the link to this process.
+    """Serve a page and OpenIGTLink in another process until the context ends; yields the link to that process.
 
     If there is nothing to serve, it yields None. Raises InputError if an address is not available.
     page, openigtlink: addresses as HOST:PORT; if `openigtlink` is None, OpenIGTLink is not served
-    with_page: whether to serve a page; if `page` is None, the page is on loopback, at its default port or any free port
+    with_page: whether to serve a page; without an address, it is on loopback at the default port or at any free port
     """
     lacking = missing("live")
     if page is not None:

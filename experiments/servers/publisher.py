@@ -43,7 +43,8 @@ LAST_EVENTS = 8
 """Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""The servers' addresses are printed after this time even without a frame [s]; choice: a wrong source fails earlier."""
+"""The servers' addresses are printed after this time [s], or at the first frame if it comes before; choice: a wrong
+source fails sooner."""
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
@@ -77,7 +78,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame for which there is no estimate yet; `frame` is None if there is no frame either."""
+        """Show a frame while there is no estimate yet; frame: None while there is no frame either."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         at_s = time.monotonic() if frame is None else frame.exposure_s

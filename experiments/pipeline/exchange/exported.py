@@ -36,7 +36,7 @@ class Exported:
 def exported(recording: Recording, folder: Path | None, start: str | None) -> Exported:
     """A recording, and its results from a folder. Raises InputError, also if the results are of another recording.
 
-    start: date and time of the first exposure in ISO 8601; if it is None, time 0 is the start of 1970
+    start: date and time of the first exposure in ISO 8601; without it, the recording's time 0 is the start of 1970
     """
     exposures_s, dim = recording.exposures_s, recording.scene.network.dim
     chosen = Exported(

@@ -23,7 +23,7 @@ from vision import PlaneCamera, fronto_parallel_camera
 class ImportSettings:
     """Settings of an import: which positions of a table are used, and their accuracy.
 
-    least: positions with a lower likelihood are omitted [1]; source: `pcutoff` of DeepLabCut
+    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut
     sd_px: standard deviation of a position on each axis [px]; choice: state the tracker's own error if it is known
     """
 
@@ -74,8 +74,8 @@ def import_table(
 ) -> Imported:
     """Read the marks of a table; raises InputError.
 
-    times: frame rate [frames/s], or path of a frames.csv; individual: name of one of several animals
-    renamed: `PART=NODE` for a part whose node has another name, `PART=` to omit a part
+    times: frame rate [frames/s], or path of a frames.csv; individual: name of an animal, if the table has several
+    renamed: `PART=NODE` if the node of a part has another name than the part; `PART=` to omit a part
     scale: a camera perpendicular to the plane, used instead of the scene's camera
     """
     scene = read_scene(scene_path)
@@ -143,7 +143,7 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
-    """Positions on the plane of the parts in `seen` [m], (n, 2), and their standard deviations on each axis [m], (n,).
+    """Positions on the plane [m], (n, 2), of all parts with `seen` true, and their standard deviations [m], (n,).
 
     sd_px: standard deviation on each axis in the picture [px]. Error ellipses are replaced by circles of equal area.
     """

@@ -62,7 +62,7 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
 
 
 def _by_frame(rows: Results | None) -> dict[int, int]:
-    """Map from a frame's index to the index of its row; frames without a row are omitted."""
+    """Map from a frame's index to the row that has the frame's result; frames without a row are omitted."""
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 

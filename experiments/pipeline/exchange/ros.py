@@ -63,7 +63,7 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
 
 
 def node_topics(nodes: Iterable[str]) -> dict[str, str]:
-    """The topic of each node: its name, with "_" for characters that ROS 2 forbids; a number makes it unique."""
+    """The topic of each node: its name with "_" for forbidden characters. Nodes with equal topics get numbers."""
     found: dict[str, str] = {}
     for node in nodes:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", node).strip("_")
@@ -104,7 +104,7 @@ def _fixes(of: Exported) -> Iterator[Message]:
 
 
 def _estimates(of: Exported) -> Iterator[Message]:
-    """For each row: a message with the target's pose if the estimate is usable, and a message with all values."""
+    """Messages for each row: the target's pose if the estimate is usable, and then all values of the estimate."""
     rows = of.estimates
     if rows is None:
         return

@@ -32,9 +32,9 @@ UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker h
 class LiveAdvice:
     """Advice on a needle in a live run; each row is immediately written to advice.csv.
 
-    The time of a row is the exposure time of its frame, or the present time if there is no new frame.
-    unstated: covariance of the target's errors that the filter leaves out [m²], (dim, dim); None means zero
-    origin_s: clock time at which the source's own time is zero [s]; rows have the source's time
+    The time of a row is the exposure time of its frame. If there is no new frame, it is the present time.
+    unstated: covariance of target errors that the filter's covariance leaves out [m²], (dim, dim); None means zero
+    origin_s: clock time at which the source's own time is zero [s]; the times in advice.csv are the source's own
     counts: how often each advice was given; plan: the needle's plan, which follows a tracked needle
     posed_s: clock time of the tracked needle's last pose [s]; inf without a tracker, -inf if the needle is not visible
     """
@@ -105,7 +105,7 @@ class LiveAdvice:
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:
-    """Time of the source at a clock time [s], rounded to nanoseconds; origin_s: clock time of the source's zero [s]."""
+    """Convert a clock time [s] to the source's own time [s]; origin_s: clock time at the source's time zero [s]."""
     return round(time_s - origin_s, 9) if origin_s else time_s
 
 

@@ -33,7 +33,7 @@ from experiments.simulation.phantom_process import PhantomProcess
 SCENE = "scene.toml"
 
 Frames = vision.Source | vision.SeveralFrames | MarkSource
-"""Sources of a live run: pictures of one camera, of several, or marks."""
+"""Sources of a live run: pictures of one camera, pictures of several cameras, or marks."""
 
 
 class Attendant(Publisher, Protocol):
@@ -65,7 +65,7 @@ def live(
 ) -> dict[str, Any]:
     """Track the target live; write scene.toml, estimates.csv and, with a needle file, advice.csv. Raises InputError.
 
-    The run ends with the source, after duration_s [s] or at Ctrl-C. While no frame comes, the target is predicted.
+    The run ends when the source ends, after duration_s [s] or at Ctrl-C. While no frame comes, the target is predicted.
     sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder
     begun: called after the first used frame, and again later; film: creates the film of the run
     attendant: creates the object that shows the run to viewers; record: whether to record from the first frame on
@@ -219,7 +219,7 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they arrive, and predict while none arrives. End with the source or after duration_s [s].
+    """Process frames as they arrive, and predict while none arrives, until the source ends or duration_s [s] are over.
 
     attend: called in each cycle of the loop, between two frames
     """

@@ -51,7 +51,7 @@ class Act(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """An action of the loop; time_s: time to which it refers [s]; now_s: clock time when it was done [s]."""
+    """An action of the loop. time_s: time that the action concerns [s]; now_s: clock time when the loop did it [s]."""
 
     act: Act
     time_s: float

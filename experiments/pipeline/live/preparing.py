@@ -96,7 +96,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
 
 
 def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Show frames until `over` is true; returns n_shown, the number of frames shown before, plus those shown now."""
+    """Show frames until `over` is true; n_shown: number of frames already shown; returns the new number."""
     while not over():
         frame = None
         if frames is None or frames.ended:
@@ -109,7 +109,7 @@ def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n
 
 
 def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Compile the kernels of `rehearse` in another process, and show frames meanwhile; returns their number so far."""
+    """Compile the kernels of `rehearse` in another process, and show frames; returns the number of frames shown."""
     LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True

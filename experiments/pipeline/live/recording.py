@@ -28,7 +28,7 @@ WAITING = 64
 class LiveRecording:
     """A recording of a live run, in a new folder.
 
-    begun: whether the recording begins with the run; if it does, a replay gives bit-identical estimates
+    begun: whether the recording begins when the run begins; if it does, a replay gives bit-identical estimates
     If a thread is too slow or the disk is full, the recording ends with a message, and the run continues.
     """
 
@@ -72,7 +72,7 @@ class LiveRecording:
     def frame(
         self, frame: vision.Frame | vision.Exposure | MarksFrame, exposure_s: float, now_s: float, *, fits: bool
     ) -> None:
-        """Write a frame; exposure_s: exposure time [s]; now_s: present clock time [s]; fits: whether it can be used."""
+        """Write a frame exposed at exposure_s [s]; now_s: clock time [s]; fits: whether the run can use the frame."""
         if not self.going:
             return
         if not fits:

@@ -23,7 +23,7 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: number of compared rows of each table; different: number of the first different row of each table that has one
+    rows: number of compared rows, by table; different: number of the first row that differs, by table, if one differs
     begun: whether the recording began when the run began; if not, estimates differ until the filter has converged
     frames: number of replayed frames
     lacking: number of frames in the journal that have no picture, because the recorded run was killed
@@ -37,9 +37,9 @@ class Replayed:
 
 
 def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
-    """Replay a recording of a live run, and compare its tables with those of the replay. Raises InputError.
+    """Replay a recording of a live run, and compare the replay's tables with the recorded tables. Raises InputError.
 
-    out: existing folder, to which the tables of the replay are written; advance: called with the share that is done
+    out: existing folder for the tables of the replay; advance: called with the share of the recording that is replayed
     """
     scene = read_scene(folder / "scene.toml")
     needle = folder / "needle.toml"
@@ -74,7 +74,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 
 def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str, Iterator[vision.Frame]]:
-    """Pictures of a recording by camera; a single camera has the name "". Empty if the recording has only marks."""
+    """Pictures of a recording, by camera; a single camera has the name "". The map is empty if there are only marks."""
     if not any(done.act is Act.FRAME for done in journal):
         return {}
     films = read_recording(folder).open_films()

@@ -49,7 +49,7 @@ class LiveSettings:
     """Waiting times of a live run.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: the filter's delay while no frame comes, in addition to two frame intervals [s]; choice
+    behind_s: while no frame comes, the filter is predicted to `now - behind_s - 2 * frame_interval` [s]; choice
     """
 
     wait_s: float = 0.1
@@ -63,8 +63,8 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source. hung_s: the filter's delay while no frame comes, if the frame interval is unknown [s];
-settled_frames: number of frames over which the median interval is computed."""
+"""Settings of a live source. If no frame comes and the frame interval is unknown, the filter is predicted to a time
+`hung_s` [s] before the present. The median frame interval is computed over `settled_frames` frames."""
 
 
 class Session:
@@ -74,7 +74,7 @@ class Session:
     watch: called with each frame, its `Step` and the advice
     publisher: called with the state after each frame, and after each prediction without a frame
     rehearse: whether to compile all code before the first frame
-    journals: recordings in progress; all actions are written to them for a replay
+    journals: recordings in progress; the run writes each action to all of them, so that a replay can repeat it
     """
 
     def __init__(
@@ -112,8 +112,8 @@ class Session:
     def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
         """Estimate the target from one frame, write and show the result; returns whether the frame was used.
 
-        A frame is not used if its time is before the filter's or not after the last frame's, if it does not have the
-        size that the scene's camera states, or if the filter refuses its marks.
+        A frame is not used if it is earlier than the filter's state, if it is not later than the last frame, if it
+        does not have the size that the scene's camera states, or if the filter refuses its marks.
         waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame's size is wrong.
         """
         exposure_s = round(frame.exposure_s, 9)
@@ -227,8 +227,8 @@ class Session:
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
 
-        The filter is predicted only to an earlier time, because a late frame may still come. The estimate at this
-        earlier time is written; the estimate at now_s is only shown.
+        The filter itself is predicted only to a time before now_s, because a late frame may still come. The estimate at
+        that time is written. The estimate at now_s is only shown.
         """
         self._check_filter()
         tissue = self.line.filter
@@ -253,7 +253,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Set the zero of the source's own time, such as the time in a film; origin_s: clock time of this zero [s]."""
+        """Set when the source's own time is zero, for example at the start of a film; origin_s: this clock time [s]."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -261,14 +261,14 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate in the source's time; its covariance also includes the errors that the filter leaves out."""
+        """The estimate at the source's own time; its covariance includes all sources of the target's error."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
     def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> float:
-        """Write an action at time_s, by default the present, to the journals; returns the present clock time [s]."""
+        """Write an action to the journals; time_s: its time, by default the present [s]. Returns the clock time [s]."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
@@ -280,7 +280,7 @@ class Session:
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """Set the largest delay from exposure to arrival [s], and whether frames come too irregularly."""
+        """Set the largest delay from exposure to arrival [s], and whether the frame intervals are uneven."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
@@ -294,7 +294,7 @@ class Session:
         """Use a direct measurement of the target (fix), taken at the time of the newest estimate.
 
         place_m: measured position [m], (dim,); sd_m: standard deviation [m]. If the scene states no common error of
-        fixes, the variance includes `USUAL_BIAS`. Raises ValueError before any estimate, or for another dimension.
+        fixes, the variance includes `USUAL_BIAS`. Raises ValueError before any estimate, or for a wrong dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:
@@ -338,7 +338,7 @@ class Session:
 
     @property
     def wait_s(self) -> float:
-        """Longest wait for a frame before the target is predicted [s]; with a needle not above the plan's `stale_s`."""
+        """Longest wait for a frame before the target is predicted [s]; `stale_s` of the needle's plan limits it."""
         wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 

@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""After this number of frames, all code is loaded and no longer increases the used memory; choice."""
+"""After this number of frames all code is loaded, so that the used memory should stay constant; choice."""
 
 STATM = Path("/proc/self/statm")
 
@@ -35,11 +35,11 @@ def memory_mb() -> float | None:
 class Counters:
     """Performance counters of the loop since the run began.
 
-    frames: number of used frames; not_used: number of others; without_frame: number of predictions without a frame
+    frames, not_used: numbers of used and of unused frames; without_frame: number of predictions without a frame
     dropped: number of frames that newer frames replaced before their use
     late: number of frames whose estimate took longer than the median frame interval
     latencies: latencies from exposure to estimate; latency_ms: latency of the newest frame [ms]
-    stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise
+    stages_s: durations of the newest frame's stages [s]: wait (for the frame), predict, detect, update, advise
     began_mb: memory of the process after the first frames [MB]
     """
 
@@ -70,7 +70,7 @@ class Counters:
 
     @property
     def numbers(self) -> dict[str, int]:
-        """Numbers of frames, by the name of the counter."""
+        """The counters that count frames, by name."""
         names = ("frames", "without_frame", "dropped", "not_used", "deadlines_missed")
         return {name: getattr(self, name) for name in names}
 

@@ -18,18 +18,18 @@ SETTLED = (Status.TRACKING, Status.DIVERGED)
 """Statuses of frames whose innovations are tested. The first frames are not tested: their prior is still wide."""
 
 COVERED = (0.9, 0.995)
-"""Least and largest share of frames inside the 95 % region [1]; choice. If the share is smaller, the covariance is too
-small; if it is larger, the covariance may be too large."""
+"""Least and largest share [1] of frames whose truth is inside the 95 % region; choice. If the share is smaller, the
+covariance is too small; if it is larger, the covariance may be too large."""
 
 ONE_ERROR = 0.999
-"""Probability of the region in which an error common to all frames must lie [1]; choice. If the error lies outside, the
-covariance is too small."""
+"""An error that is the same in all frames must lie in a region of this probability [1]; choice. If the error lies
+outside, the covariance is too small."""
 
 MOST_NEES = 2.0
-"""If the mean NEES, divided by the dimension, is above this, the errors of some frames are too large [1]; choice."""
+"""Largest mean NEES divided by the dimension [1]; choice. Above it, the errors of some frames are too large."""
 
 NOISY = 1.5
-"""If marks are estimated to be noisier than stated by more than this factor, a message says so [1]; choice."""
+"""A message says that marks are noisier than stated if their estimated noise exceeds it by this factor [1]; choice."""
 
 NOISE = "marks are at least {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
 
@@ -48,7 +48,7 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    degrees: mean number of coordinates measured in a frame, which are the degrees of freedom of its NIS
+    degrees: mean number of measured coordinates in a frame, which is the expected NIS of a consistent filter
     low, high: limits of the band; noise: mean estimated ratio of the true to the stated standard deviation of marks [1]
     """
 
@@ -99,7 +99,7 @@ class TruthScore:
     """Score of the target's covariance by the true errors of the target.
 
     coverage95: share of frames in which the truth lies inside the 95 % region [1]; dim: dimension of the tissue
-    one_error: whether most of the variance is that of an error constant in time; then all frames count as one sample
+    one_error: whether most of the variance is due to an error that is the same in all frames, which are then one sample
     """
 
     coverage95: float
@@ -144,11 +144,11 @@ def verdict(
     checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
-    """Text on a run: the result of the test by innovations, what this test leaves open, and frames by status.
+    """Verdict on a run in words: the test of innovations, what this test cannot show, and numbers of frames by status.
 
     refused: number of marks that the gate rejected; frozen: number of frames that repeat earlier values
     pictures: whether marks were found in pictures; truth: scores of the target, if its truth is known
-    checked: whether each mark was also predicted by a filter that does not use it
+    checked: whether each mark was also predicted by a filter that does not use this mark
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -170,7 +170,7 @@ def verdict(
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:
-    """Text on the fit, and the cause of a bad fit; wide: whether stated noise levels may be named as too high."""
+    """Text on the fit, and the cause of a bad fit; wide: whether the cause may be a noise level stated too high."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks scatter as predicted: NIS {fit.mean_nis:.2f} in {band}"
@@ -189,8 +189,9 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by a filter that does not use this mark.
 
-    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance between the two [mm]
-    mean_nees: ideally the dimension of the tissue; ratio: rms error divided by the predicted rms error, ideally 1
+    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance of mark and prediction [mm]
+    mean_nees: mean NEES, for a consistent filter the dimension of the tissue
+    ratio: rms error divided by the predicted rms error, ideally 1
     """
 
     frames: int
@@ -208,7 +209,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """Text on what the errors of withheld marks say about the target; scale: mean factor on the target's covariance."""
+    """What the errors of withheld marks say about the target; scale: mean factor on the target's covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""If a mark was not used in more than this share of frames, it is reported [1]; choice: share outside 95 % regions."""
+"""A mark is reported if it was not used in more than this share of frames [1]; choice: 5 % lie outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -77,7 +77,7 @@ class MarkTally:
     def shares(self) -> dict[str, MarkShares]:
         """For each mark, by node, its shares of frames, as in `MarkShares`; empty if there were no frames.
 
-        A mark that the filter does not use is omitted if marks.csv never has it, because it may be hidden.
+        A mark that the filter does not use may be hidden. Such a mark is omitted if marks.csv never has it.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -93,7 +93,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """Line on the least used mark: why it was not used, and what to check; None if all were used in most frames."""
+    """Line on the mark that was missed most often: why, and what to check; None if no mark's share exceeds `MANY`."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -114,7 +114,7 @@ def reason_words(scene: Scene, node: str, reason: str) -> str:
 
 
 def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Reason why a mark was not found, with its figures in parentheses; lost: None for another tracker's marks."""
+    """Reason why a mark was not found, and numbers in parentheses; lost: None for a mark of another tracker."""
     if lost is None:
         return NO_ROW
     words = reason_words(scene, node, str(lost.reason))

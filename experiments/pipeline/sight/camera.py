@@ -25,8 +25,8 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""A mark is searched for if the cosine between its normal and the direction to the camera is above this [1]; choice: 73
-degrees, because the detector rejects shapes whose width is below a quarter of their length."""
+"""Cosine [1] of the largest angle between a mark's normal and the direction to the camera; choice: 73 degrees, because
+the detector rejects shapes whose width is below a quarter of their length."""
 
 PATIENCE, AGAIN = 3, 6
 """Numbers of frames [1]; choice. After PATIENCE frames without a mark, a camera searches for this mark only in every
@@ -39,7 +39,7 @@ STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
 class CameraSight:
     """Finder of marks in the pictures of one camera.
 
-    normals: outward unit normals of the marks, (n, 3); steps: errors of the camera, as in `vision.Seen`
+    normals: outward unit normals of the marks, (n, 3); steps: `steps` of `vision.Seen`, the errors of the camera
     lost: by node, the reason why its mark was not found
     """
 
@@ -168,7 +168,7 @@ class CameraPose:
         return self.sight.one(name, self._places[name], self._place_cov)
 
     def _scaled(self, points_m: Floats) -> tuple[Floats, Floats]:
-        """Projections of points [m], (n, 3), in the calibrated camera, scaled to metres, and their derivatives."""
+        """Projections of points [m], (n, 3), into the calibrated camera, times metres per pixel; and derivatives."""
         _, places_px, J = self._calibrated.viewed(points_m)
         return self._m_per_px * places_px, self._m_per_px * J
 

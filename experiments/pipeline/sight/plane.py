@@ -22,7 +22,7 @@ SIZE_SD = 0.05
 
 
 def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vision.Expected:
-    """Expected image of a mark whose position on the plane [m], (2,), has the covariance [m²], (2, 2)."""
+    """Expected image of a mark; mean, cov: its position on the plane [m], (2,), and the covariance [m²], (2, 2)."""
     center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
     outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
     return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg, outline)
@@ -31,7 +31,7 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """Measured positions on the plane, for marks found in a picture; by_name: the scene's marks by name."""
+    """Measure the positions on the plane of marks that were found in a picture; by_name: the scene's marks by name."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]
@@ -50,7 +50,7 @@ class ReferenceSeen:
     """The reference marks in one frame.
 
     seen: names of the visible reference marks; wrong: names of reference marks that contradict the others
-    moves: moves detected in this frame, by the name of the moved camera, which is "" in a flat scene
+    moves: moves detected in this frame, by the name of the moved camera; the camera of a flat scene has the name ""
     """
 
     seen: tuple[str, ...]
@@ -119,7 +119,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """Shifts of a corrected mark at `place` [m], (dim,), per sd of each calibration or pose error [m], (dim, k)."""
+        """Shifts [m], (dim, k), of the corrected mark at `place` [m], (dim,), by one sd of each shared error."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

@@ -18,8 +18,8 @@ from experiments.pipeline.sight.plane import ReferenceSeen
 from vision import LostMark, Reason
 
 MISFIT = 1e-4
-"""If the p-value of the distance between cameras' rays is below this, the cameras see different objects [1]; choice:
-equal to the p-value of the finder's gate in one picture."""
+"""Least p-value [1] of the distances between cameras' rays to one mark. Below it, the cameras see different objects;
+choice: equal to the p-value of the finder's gate in one picture."""
 
 
 class SpaceSight:
@@ -59,8 +59,8 @@ class SpaceSight:
         """The marks in pictures taken at one time. Each picture must have the size that its camera states.
 
         predict: function from nodes to predicted positions [m], (n, 3), and covariances [m²], (n, 3, 3), of their marks
-        after_impulse: like `predict` for one node, but with the uncertainty of an impulse on the node since the mark
-        was last found
+        after_impulse: like `predict`, for one node. The covariance also allows for an impulse on the node since the
+        last frame in which the mark was found.
         """
         means, covs = predict(list(self._numbers))
         self.expected = dict(zip(self._numbers, zip(means, covs, strict=True), strict=True))

@@ -18,11 +18,11 @@ STRING = struct.Struct(">HH")
 POINT = struct.Struct(">64s32s4B3ff20s")
 POLYDATA = struct.Struct(">10I")
 LARGEST = float(np.finfo(np.float32).max)
-"""Largest coordinate [mm], because coordinates are sent as 32 bit floats."""
+"""Largest coordinate that a message can hold [mm]: messages have 32 bit floats."""
 
 
 def pack_transform(matrix: Floats) -> bytes:
-    """Content of TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError for large numbers."""
+    """Content of TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError above `LARGEST`."""
     if matrix.shape != (4, 4) or not (np.abs(matrix) <= LARGEST).all():
         raise ValueError(f"transform: expected finite 32 bit numbers of shape (4, 4), found {matrix.tolist()}")
     return MATRIX.pack(*matrix[:3].T.ravel())

@@ -27,7 +27,7 @@ TICKS = 2.0**32
 POLYNOMIAL = 0x42F0E1EBA9EA3693
 """Polynomial of ECMA-182, annex B, without its leading term."""
 BLOCK = 256
-"""Number of bytes of a block, which are looked up together; the table then has half a megabyte."""
+"""Number of bytes in a block, whose contributions are looked up together; the table of contributions has 0.5 MB."""
 
 
 class MalformedError(ValueError):
@@ -39,7 +39,7 @@ class Message:
     """A message, with its content as bytes. Raises ValueError for values that the header cannot hold.
 
     utc_s: seconds since 1970 UTC, 0 for none
-    metadata: texts by key; number: the message's identifier; version 1 of the protocol has neither
+    metadata: texts by key; number: the message's identifier; both need version 2 of the protocol
     """
 
     type: str
@@ -146,7 +146,7 @@ def utf8(text: bytes) -> str:
 
 
 def _table() -> NDArray[np.uint64]:
-    """Table (BLOCK, 256) of a byte's contribution to the checksum, by the number of bytes after it and by its value."""
+    """Contributions of a byte to the checksum, (BLOCK, 256); row: number of bytes after the byte; column: its value."""
     last = np.arange(256, dtype=np.uint64) << np.uint64(56)
     for _bit in range(8):
         last = (last << np.uint64(1)) ^ np.where(last >> np.uint64(63), np.uint64(POLYNOMIAL), np.uint64(0))
@@ -159,7 +159,7 @@ def _table() -> NDArray[np.uint64]:
 _TABLE = _table()
 _AFTER = np.arange(BLOCK - 1, -1, -1)
 _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
-"""Contributions of a block's first eight bytes; before the look-up, the checksum so far is added to these bytes."""
+"""Contributions of a block's first eight bytes. The checksum so far is added to these bytes before their look-up."""
 
 
 def crc64(body: bytes) -> int:

@@ -16,8 +16,8 @@ from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 RIGID = 1e-2
 """Largest deviation of `R.T @ R` from the identity for a valid rotation R [1]; choice: tracked poses deviate less."""
 IN_PLANE = 0.5
-"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: at most 60 degrees from
-the plane."""
+"""Least length [1] of the needle's unit vector when projected onto the plane of flat tissue; choice: at most 60 degrees
+between the needle and the plane."""
 MOST_POINTS = 100
 """Largest number of points in a message; choice: more would delay other clients."""
 
@@ -35,9 +35,9 @@ class RefusedError(ValueError):
 class Incoming:
     """Converter of one client's messages into checked commands.
 
-    dim: dimension of the tissue; for flat tissue z is ignored; sends_needle: whether the client has sent a needle
-    Some programs send all points again when the user adds one. Therefore a point becomes a direct measurement of the
-    target (fix) only if it was not in the client's last POINT message.
+    dim: dimension of the tissue; z is ignored if the tissue is flat; sends_needle: whether the client has sent a needle
+    Some programs send all points again when the user adds a point. Therefore a point becomes a direct measurement of
+    the target (fix) only if it was not in the client's last POINT message.
     """
 
     def __init__(self, dim: int) -> None:

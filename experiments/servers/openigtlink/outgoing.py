@@ -29,10 +29,10 @@ from experiments.servers.openigtlink.codec import Message, encode
 
 TARGET, NEEDLE, SPREAD = "TargetToReference", "NeedleTipToReference", "SpreadToReference"
 SPHERE, HEALTH, DETAILS, REPLY = "Spread", "Softaim", "SoftaimState", "SoftaimReply"
-"""Device names of the unit sphere, STATUS, STRING and answers; names are unique: some programs store one message
-per name."""
+"""Device names of the messages with the unit sphere, STATUS, STRING and answers. Each message has a name of its own,
+because some programs store one message per name."""
 WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
-"""Semi-axes of a 95 % ellipse or ellipsoid in standard deviations, by dimension: root of chi-square's 95 % quantile."""
+"""Semi-axes of a 95 % ellipse or ellipsoid in standard deviations, by dimension: `sqrt(chi2.ppf(0.95, dimension))`."""
 FLAT_MM = 0.5
 """Half the thickness of the ellipsoid for flat tissue [mm]; choice: visible from the side."""
 LONGEST_TEXT = 500
@@ -65,7 +65,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of a state as bytes: `common` for all clients, `needle` only for clients that do not send a needle."""
+    """Messages of a state as bytes: `common` for all clients; `needle` for clients that do not send a needle's pose."""
 
     common: bytes
     needle: bytes = b""
@@ -107,7 +107,7 @@ def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
 
 
 def status_of(state: Mapping[str, Any]) -> StatusBody:
-    """The STATUS of a state: its fault; without a fault, a pause; without both, the status of the estimate."""
+    """The STATUS of a state: a fault if there is one, else a pause if the run is paused, else the estimate's status."""
     if state["fault"] is not None:
         return StatusBody(Code.UNKNOWN_ERROR, "FAULT", _short(state["fault"]))
     if state["paused"]:
@@ -124,9 +124,9 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of the STRING: status, covariance, hit probability and advice.
+    """Content of the message of type STRING: status, covariance, hit probability and advice.
 
-    If the state's transforms are invalid or are not sent, the advice GO is omitted.
+    If the state's transforms are invalid, or if no transforms are sent, the advice GO is omitted.
     """
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
@@ -149,7 +149,7 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
     """Right-handed matrix (4, 4) that maps the unit sphere to the 95 % ellipsoid; None if there is no covariance.
 
-    For flat tissue the ellipsoid meets the plane in the 95 % ellipse, and has the half thickness FLAT_MM.
+    For flat tissue, the ellipsoid meets the plane in the 95 % ellipse. It extends FLAT_MM above and below the plane.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -168,8 +168,8 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
     """Matrix (4, 4) of a frame with origin in the needle's tip and +z along the insertion; None if there is no needle.
 
-    The shaft lies along -z, as in SlicerIGT's calibrations of needles. The rotation about the needle is unknown; the
-    matrix has the rotation that [duff2017], section 3, chooses.
+    The shaft lies along -z, as in SlicerIGT's calibrations of needles. The rotation about the needle is unknown and is
+    chosen as in [duff2017], section 3.
     """
     needle = state["needle"]
     if needle is None or needle["tip_mm"] is None:

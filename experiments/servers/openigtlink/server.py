@@ -36,11 +36,11 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: largest number of clients at a time; a further client gets the status BUSY and is dropped; a requirement
+    clients: largest number of clients; another client gets the status BUSY and is dropped; a requirement
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time after which a client that receives nothing is dropped [s]; choice
-    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: it has room for ten states of
-    the run, so that a slow client does not read old states
+    kernel_bytes: size that is requested for a client's socket buffer [bytes]; Linux doubles it; choice: room for ten
+    states of the run, so that a slow client does not read old states
     """
 
     clients: int = 16
@@ -161,7 +161,7 @@ class _Server:
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """Log why a client was dropped, unless it left; log only the 1st, 2nd, 4th, 8th and so on dropped client."""
+        """Log why a client was dropped, but not if it left. Only the 1st, 2nd, 4th, 8th and so on is logged."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1

@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""Prefix of the token, which a client sends as a subprotocol besides `PROTOCOL`: browsers cannot set other headers."""
+"""Prefix of the token. A client sends the token as a subprotocol, because a browser can set no other header."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request has exactly one Host, which is allowed, and either no Origin or that of this page."""
+        """Whether a request has exactly one Host, an allowed one, and no Origin other than this page."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False
@@ -39,7 +39,7 @@ class Access:
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
     def grant(self, subprotocols: Iterable[str]) -> tuple[bool, bool]:
-        """Whether a client may read, and whether it may write; one of the subprotocols that it offers has the token."""
+        """Whether a client may read, and whether it may write. The client sends the token as a subprotocol."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return self.read_open, False

@@ -52,7 +52,7 @@ class BoundedHttp(H11Protocol):
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Answer a request; refuse it if its head is complete but too long: h11 limits only incomplete heads."""
+        """Answer a request. Refuse it if its head is too long: h11 limits a head only until the head is complete."""
         came = self.conn.trailing_data[0] if self.conn.their_state is h11.IDLE else b""
         if len(came) > MOST_HEAD and END_OF_HEAD.search(came, 0, MOST_HEAD) is None:
             self.send_400_response(f"expected a head of at most {MOST_HEAD} bytes\n")
@@ -83,7 +83,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Receive data. End the connection if its client does not read: answers to its pings would fill the memory."""
+        """Receive data. End the connection if the client does not read: answers to pings would fill the memory."""
         if self.transport.get_write_buffer_size() > MOST_UNSENT:
             self.transport.abort()
             return

@@ -1,4 +1,4 @@
-"""JSON stream to a viewer: the scene, then the newest state whenever the viewer is ready. It also receives commands.
+"""JSON stream to a viewer: the scene, then the newest state whenever the viewer is ready. The viewer may send commands.
 
 The server does not wait: a state is skipped if the viewer is still receiving an older one.
 """
@@ -20,13 +20,13 @@ from experiments.servers.page.access import PROTOCOL, Access
 MOST_CLIENTS = 16
 """Largest number of viewers and programs at a time; a requirement."""
 STUCK_S = 10.0
-"""Time after which a client that receives nothing is dropped [s]; choice: it connects again if its network returns."""
+"""Time after which a client that receives nothing is dropped [s]; choice: the client may connect again later."""
 NEXT = "next"
 """Message by which a client with `?pace=1` in its URL reports that it is ready for the next state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 """WebSocket closing codes: wrong token, too many clients, not text."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""Exceptions of sending if the client is gone (the first for the first send, the second for later ones) or stuck."""
+"""Exceptions of sending: two for a client that is gone (at the first send, at a later one), one for a stuck client."""
 LONGEST_ERROR = 200
 """Largest number of letters of an error in an answer: an error may quote the client's input, which may be long."""
 

@@ -85,8 +85,8 @@ def udp_feed(address: str) -> UdpFeed:
 class PipeFeed:
     """Feed of lines from a pipe or terminal.
 
-    descriptor: file descriptor of the pipe, such as 0 for standard input. It is read without Python's buffers, because
-    a blocked read would hold the buffer's lock when the program ends.
+    descriptor: file descriptor of the pipe, such as 0 for standard input. The pipe is read without Python's buffers: a
+    read that waits for input would lock the buffer, so that the program could not end.
     """
 
     def __init__(self, descriptor: int = 0) -> None:

@@ -15,7 +15,7 @@ from experiments.formats.scene.scene import Scene
 from experiments.formats.toml_file import Strict, check_axes, validated
 
 LONGEST_LINE = 65_536
-"""Largest number of bytes in a line, equal to that of a datagram."""
+"""Largest number of bytes in a line, as many as a datagram may have."""
 
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
 """Largest coordinate and least standard deviation in a line [mm]: a kilometre and a nanometre."""
@@ -25,7 +25,7 @@ Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
 
 
 class SentMark(Strict):
-    """A mark in a line. It states either sd_mm or cov_mm2; if the scene is in space, it also states z_mm."""
+    """A mark in a line. The mark states either sd_mm or cov_mm2; in space the mark also states z_mm."""
 
     node: str
     x_mm: Coordinate

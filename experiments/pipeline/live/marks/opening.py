@@ -26,9 +26,9 @@ def is_mark_source(spec: str) -> bool:
 
 
 def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSource]:
-    """The scene, and the marks of the source `spec`. Raises InputError.
+    """The scene and the marks of the source `spec`. Raises InputError.
 
-    If scene_path is None, the scene is scene.toml beside marks.csv; other sources need a scene_path.
+    If scene_path is None, the scene is scene.toml beside marks.csv. A source without marks.csv needs a scene_path.
     """
     path = source_in(Path(spec)) if Path(spec).is_dir() else Path(spec)
     if path.suffix == ".csv":

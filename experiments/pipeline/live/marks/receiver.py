@@ -34,7 +34,7 @@ SETTINGS = SourceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """A frame with any number of marks, even none; index: its number, from 0; exposure_s: monotonic clock time [s]."""
+    """A frame with any number of marks, even none; index: from 0; exposure_s: exposure by the monotonic clock [s]."""
 
     index: int
     exposure_s: float
@@ -59,12 +59,12 @@ class Feed(Protocol):
 
 
 class LiveMarks(Closing):
-    """Source of the newest frame of marks from a feed. It ends with the feed or at `close()`; no frame comes twice.
+    """Source of the newest frame of marks from a feed. The source ends when the feed ends or at `close()`.
 
-    Invalid lines and frames with times out of order are refused. Refused input is counted by kind. The first refusal is
-    immediately reported as an event; later refusals are reported together, at most once in SETTINGS.hung_s. If no
-    usable frame comes for SETTINGS.blocked_s, there is an event BLOCKED. A frame that repeats earlier values is
-    omitted; after the event FROZEN, such a frame is delivered without marks.
+    No frame is delivered twice. Invalid lines and frames with times out of order are refused. Refused input is counted
+    by kind. The first refusal is immediately reported as an event; later refusals are reported together, at most once
+    in SETTINGS.hung_s. If no usable frame comes for SETTINGS.blocked_s, there is an event BLOCKED. A frame that repeats
+    earlier values is omitted; after the event FROZEN, such a frame is delivered without marks.
     refused: counts of unusable input, by kind
     """
 
@@ -117,7 +117,7 @@ class LiveMarks(Closing):
             self.refuse("malformed", str(error))
 
     def take(self, frame: SentFrame, arrival_s: float) -> None:
-        """Process a frame that arrived at the time arrival_s by this machine's clock [s]."""
+        """Process a frame that arrived at the time arrival_s [s] of this machine's clock."""
         with self._changed:
             restarts = self._sender.restarts
             try:
@@ -156,7 +156,7 @@ class LiveMarks(Closing):
             self._report()
 
     def _report(self) -> None:
-        """If an event on refused input is due, add it: the count and the first message of each kind of refusal."""
+        """If it is time to report refused input, add an event with the count and the first message of each kind."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
@@ -200,7 +200,7 @@ class LiveMarks(Closing):
         return None
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order; a silent sender is detected only while `next` runs."""
+        """The events since the last call, in order. A silent sender causes an event only while `next` runs."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events

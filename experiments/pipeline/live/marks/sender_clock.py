@@ -9,7 +9,8 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""A time unit is guessed if the frame interval in this unit equals the expected one within this factor [1]; choice."""
+"""A time unit is guessed if the frame interval in this unit differs from the expected interval at most by this factor;
+choice."""
 
 
 class Moment(NamedTuple):
@@ -30,8 +31,8 @@ class SenderClock:
     the last settings.remembered_frames frames. The offset includes the least transmission delay, which is unknown:
     converted times are late by this delay.
 
-    A frame is refused if its sent time does not increase. It is also refused if its sent time increases too much: by
-    settings.hung_s more than this machine's clock. If all frames are refused for settings.blocked_s although their sent
+    A frame is refused if its sent time does not increase. A frame is also refused if the increase exceeds that of this
+    machine's clock by more than settings.hung_s. If all frames are refused for settings.blocked_s although their sent
     times increase regularly, the sender has a new clock, and the conversion starts again.
 
     restarts: number of new clocks
