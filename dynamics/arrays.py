@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def made_again(record: DataclassInstance) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Result of `__reduce__` for a record: pickling and copying construct the record again from its fields.
+    """Result for the `__reduce__` of a record. Pickling and copying then construct the record again from its fields.
 
     The constructor checks the new record and makes its arrays read-only. For writable arrays, numba would compile its
     kernels again.

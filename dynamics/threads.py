@@ -35,7 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS library of NumPy and SciPy.
 
-    The calls keep the interpreter's lock, because other Python threads might delay the return of a released lock.
+    The calls keep the interpreter's lock. If they released it, other Python threads might delay their return.
     """
     found = []
     for package in (numpy, scipy):

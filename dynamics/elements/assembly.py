@@ -16,7 +16,7 @@ from dynamics.forces.kernels import NodeConstants, Packed, linearised
 from dynamics.network.mass_spring import MassSpringNetwork
 
 COMPILED = (Springs, Weight, Resistance)
-"""Kinds of elements whose forces are computed by one compiled kernel."""
+"""Kinds of elements for which one compiled kernel computes all forces together."""
 
 
 class Assembly:
@@ -34,7 +34,7 @@ class Assembly:
     Attributes
     ----------
     n, dim : int
-        Number of free coordinates, and of coordinates per node.
+        Number of free coordinates; number of coordinates per node.
     """
 
     def __init__(self, positions: Floats, free: NDArray[np.int64], elements: Sequence[ForceElement]) -> None:
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Index of each element matrix entry between free coordinates; row and column of this entry in the assembly."""
+        """Entries of the element matrices between free coordinates: index, and row and column in the assembly."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)

@@ -2,8 +2,8 @@
 
 A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
 forces are therefore smooth fields over the free surface. The modes span the body's responses to these forces and to
-changes of gravity's direction. The modes of a free body also span its affine motions. The projection on responses
-follows [benner2015].
+changes of gravity's direction. The modes of a free body also span its affine motions. The projection on these
+responses follows [benner2015].
 """
 
 from __future__ import annotations
@@ -40,38 +40,39 @@ from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below this ratio, linear
-tetrahedra bend well enough without patches, and the Cholesky factors are smaller."""
+tetrahedra bend well enough without patches, which would make the Cholesky factors larger."""
 
 SMOOTH = 0.2
 """Correlation length of surface forces, relative to the body's extent [1]; choice."""
 
 FUNCTIONS = 30
-"""Number of functions that span the surface forces along each axis; numerical: with 60 functions and a correlation
-length of 0.15, the target estimates in blocks and breasts are the same."""
+"""Number of functions that span the surface forces along each axis; numerical: 60 functions with a correlation
+length of 0.15 give the same target estimates in blocks and breasts."""
 
 SAMPLES = 500
 """Approximate number of surface nodes from which the functions of the surface forces are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""A mode is omitted if its root mean square displacement of marks and targets is below this share of the body's extent;
-numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this displacement."""
+"""A mode is omitted if it moves the marks and targets by less than this share of the body's extent (root mean square);
+numerical. `POKE_M_S2` and `BENT` define the surface forces that cause this motion."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface force that selects the modes, divided by the body's mass [m/s²]; choice. For a stiff body, the force is
-increased until it moves the marks and targets by the share BENT of the body's extent."""
+"""The surface force that selects the modes is POKE_M_S2 [m/s²] times the body's mass; choice. For a stiff body, the
+force is increased until it moves the marks and targets by BENT times the body's extent."""
 
 DEPENDENT = 1e-5
-"""A direction depends linearly on the others if its singular value is below this share of the largest; numerical."""
+"""A direction is omitted as linearly dependent if its singular value is below this share of the largest; numerical."""
 
 NEAR = 0.02
 """A point outside the body is moved to the surface if its distance from the surface is at most this share of the body's
 extent [1]; choice: some millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
-"""Radius of the patch that takes the force on a point, as a share of the body's extent; choice: a fingertip."""
+"""Radius of the patch over which a force on a point is spread, divided by the body's extent; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""A point is fixed if the sum of its weights for the free nodes is below this [1]; numerical: positions are rounded."""
+"""A point is fixed if the sum of its weights for the free nodes is below this [1]; numerical: because of rounding, this
+sum is not exactly 0 for a fixed point."""
 
 CHUNK = 2**16
 """Number of strains in a chunk; numerical: memory holds the strains of only one chunk at a time."""
@@ -81,7 +82,7 @@ WALL = 12
 
 
 class Points(NamedTuple):
-    """Points, each a weighted mean of a mesh's nodes: positions [m], (k, 3), and weights of nodes, (k, n_nodes)."""
+    """Positions of points [m], (k, 3), and weights, (k, n_nodes): each point is a weighted mean of the mesh's nodes."""
 
     places: Floats
     weights: csr_array
@@ -108,12 +109,12 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
 
 
 def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
-    """Index of the patch over which each element's dilatation is averaged, (m,); poisson: Poisson's ratios, (m,)."""
+    """Index of each element's patch, (m,); the dilatation is averaged over a patch. poisson: Poisson's ratios, (m,)."""
     return patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
 
 
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
-    """Weights that distribute a force on each point over the nodes of a patch around the point, (k, n_nodes).
+    """Weights that distribute a force on each of k points over the nodes of a patch around it, (k, n_nodes).
 
     For a point on the surface, the patch contains the surface nodes nearby, weighted by their areas. For a point
     inside, the patch contains all nodes nearby, weighted by their volumes.
@@ -154,7 +155,7 @@ def continuum_network(
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        Threshold [1] below which modes are omitted, see `LEFT_OUT`. With 0, only linearly dependent modes are omitted.
+        Modes below this threshold [1] are omitted, see `LEFT_OUT`. With 0, only linearly dependent modes are omitted.
 
     Returns
     -------
@@ -260,7 +261,7 @@ def _extent(nodes: Floats) -> float:
 
 
 def _by_axis(weights: csr_array) -> csr_array:
-    """Weights of the coordinates, (3 k, 3 n), from weights of the nodes, (k, n); they are the same along each axis."""
+    """Weights of the coordinates, (3 k, 3 n), from weights of the nodes, (k, n), which are used for each axis."""
     entries = weights.tocoo()
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
@@ -274,9 +275,9 @@ def matern(distances: Floats, length: float) -> Floats:
 
 
 def _smooth(places: Floats, length: float, count: int) -> Floats:
-    """Functions at places (n, 3), as columns (n, count), by Nystroem's method.
+    """Functions of n places, as columns (n, count), by Nystroem's method; places: (n, 3).
 
-    Times independent standard normal numbers, they add up to a field with Matern's 3/2 correlation and variance 1.
+    A sum of these functions with independent standard normal factors has Matern's 3/2 correlation and variance 1.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
@@ -294,8 +295,8 @@ def _modes(
 ) -> tuple[Floats, Floats]:
     """Vibration modes (3 n, r), and the squares of their angular frequencies [1/s²], (r,).
 
-    The modes span the `responses` to forces, (3 n, n_responses), except combinations that hardly move marks or targets.
-    If the body is not held, the modes also span its affine motions.
+    The modes span the `responses` to forces, (3 n, n_responses). Combinations of responses that hardly move marks or
+    targets are omitted. If the body is not held, the modes also span its affine motions.
     at_points: displacement of the marks and targets in each response, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]

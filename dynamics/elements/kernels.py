@@ -6,7 +6,7 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
     corotated     mu |F - R|²                            theta = R : F - 3, R the rotation of F
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
-plus, for each patch, lambda / 2 times the squared mean of theta over its volume. The mean prevents locking of nearly
+plus, for each patch, lambda / 2 times the square of the mean of theta over it. The mean prevents locking of nearly
 incompressible elements. Dashpots with moduli mu' and lambda' add two stresses. The first is A (2 mu' sym(A^T dF/dt)),
 with A = I in the linear law and A = F in the other laws. The second is lambda' times the mean rate of theta. Sources:
 [mcadams2011] corotated law, [lin2022] rotation R, [bonet2008] neo-Hookean law, [souzaneto2005] patches.
@@ -51,7 +51,7 @@ class _Scratch(NamedTuple):
     F, rate: deformation gradient and its rate; A: as in the module's docstring; P: stress divided by mu
     T: derivative of theta with respect to F; M: intermediate results; cofactors: cofactors of F
     inverse: (tr V I - V)^-1 for the stretch V = F R'. These arrays have the shape (3, 3).
-    h: gradients of the corners' weights, multiplied by R or, for the neo-Hookean law, by F^-T, (4, 3)
+    h: gradients of the corners' weights, multiplied by R (in the neo-Hookean law, by F^-T), (4, 3)
     """
 
     F: Floats
@@ -100,10 +100,10 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
-    """Write the rotation of F into R; M: scratch.
+    """Write the rotation of F into R; M: array for intermediate results.
 
-    The rotation is the derivative of the sum s of the principal stretches. This sum is the largest root of
-    `(s² - |F|²)² - 8 det F s - 4 |cof F|²`. Newton's method starts above this root.
+    The rotation is the derivative of the sum s of the principal stretches with respect to F. The sum s is the largest
+    root of `(s² - |F|²)² - 8 det F s - 4 |cof F|²`. Newton's method starts above this root.
     """
     square, of_cofactors = _double_dot(F, F), _double_dot(cofactors, cofactors)
     s = np.sqrt(3.0 * square)
@@ -124,7 +124,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
-    """Energy density of element e divided by mu, and theta (see the module); writes all of s but `h` and `inverse`.
+    """Energy density of element e divided by mu, and theta (see the module). Fills `s` except its `h` and `inverse`.
 
     x, v: positions and velocities of the nodes on which the element's energy depends, (n, 3)
     """
@@ -164,7 +164,7 @@ def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
-    """Write `h` of s and, for the corotated law, `inverse` of s; returns det F for the neo-Hookean law, else 0."""
+    """Write `s.h` and, for the corotated law, `s.inverse`. Returns det F for the neo-Hookean law, otherwise 0."""
     det = _double_dot(s.T, s.F) / 3.0 if law == NEO_HOOKEAN else 0.0
     by = 1.0 / det if law == NEO_HOOKEAN else 1.0
     for a in range(4):
@@ -190,7 +190,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write `[h_a]' inverse [h_b]`, the derivative of h_a by the position of corner b, into `out`; `[h] y = h × y`."""
+    """Write `[h_a]' inverse [h_b]` into `out`: derivative of h_a by the position of corner b; `[h] y = h × y`."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k

@@ -20,7 +20,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 class Weight:
-    """Weights of nodes as force elements; nodes: indices of the nodes, (n, 1); weight: weights [N], (n, dim)."""
+    """Weights of nodes as force elements; nodes: index of each node, (n, 1); weight: its weight [N], (n, dim)."""
 
     def __init__(self, nodes: NDArray[np.int64], weight: Floats) -> None:
         self.nodes, self.weight = nodes, weight

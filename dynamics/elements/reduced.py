@@ -31,7 +31,7 @@ class Span:
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
-        Standard deviation of each reduced acceleration if the accelerations of all nodes are white with variance 1.
+        Standard deviation of each reduced acceleration if the nodes' accelerations are white noise with variance 1.
     """
 
     matrix: Floats
@@ -45,7 +45,7 @@ class Span:
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the reduced coordinates, (n, n), if all node coordinates are independent with variance 1."""
+        """Covariance of the reduced coordinates, (n, n), if node coordinates have independent errors of variance 1."""
         return np.asarray(self.onto @ self.onto.T)
 
     @classmethod
@@ -56,10 +56,10 @@ class Span:
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Span of r shapes with dim reduced coordinates for each shape; shapes: (n_nodes, r); masses: [kg], (n_nodes,).
+        """Span of r shapes with dim coordinates each; shapes: (n_nodes, r); masses: of the nodes [kg], (n_nodes,).
 
-        A reduced coordinate is the root mean square displacement weighted by mass [m]. Independent accelerations of the
-        nodes give independent reduced accelerations.
+        A reduced coordinate is a root mean square displacement of the body, weighted by mass [m]. Independent
+        accelerations of the nodes give independent reduced accelerations.
         """
         total = masses.sum()
         own = shapes / np.sqrt(np.einsum("ik,i,ik->k", shapes, masses, shapes))

@@ -26,7 +26,7 @@ LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
 
 
 class TissueConstants(NamedTuple):
-    """Young's modulus [Pa], Poisson's ratio [1] and damping time [s] of each tetrahedron, (m,), or one number for all.
+    """Young's modulus [Pa], Poisson's ratio [1], damping time [s]: arrays (m,) for m tetrahedra, or a number for all.
 
     At rest the damping matrix is the stiffness matrix multiplied by the damping time.
     """
@@ -118,7 +118,7 @@ class Tetrahedra:
         return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
 
     def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
-        """Moduli for the kernels, (m, 4): elastic moduli (times `stored`), then viscous moduli (times `damping`)."""
+        """Moduli for the kernels, (m, 4): lam and mu times `stored`, then lam and mu times `damping`."""
         return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
 
     def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:

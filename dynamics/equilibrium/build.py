@@ -16,7 +16,7 @@ AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
 """A network rests as drawn if no node is further from its drawn position than this share of the longest spring; choice:
-0.01 mm for a spring of 100 mm. Rounding errors have the share 1e-14 in phantoms."""
+0.01 mm for a spring of 100 mm. In phantoms, rounding errors are 1e-14 of the longest spring."""
 
 
 def build_network(

@@ -12,13 +12,13 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Eigenvalues below this share of the largest one are rounding errors, and so are imaginary parts below this share of
-their eigenvalue. The rounding error of a double eigenvalue is the square root of that of a single one."""
+"""Eigenvalues below this share of the largest one are rounding errors. Imaginary parts below this share of the
+eigenvalue are, too. A double eigenvalue has a relative rounding error of about the root of the machine precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillations:
-    """Natural oscillations of a network about a rest shape, from the eigenvalues z of `(z² M + z C + K) u = 0`.
+    """Natural oscillations of a network about a rest shape. They solve `(z² M + z C + K) u = 0`, with eigenvalues z.
 
     frequencies_hz: undamped natural frequencies `abs(z) / (2 pi)` of the oscillating motions [Hz], (n,), ascending
     damping_ratios: damping ratios `-Re z / abs(z)` of the oscillating motions [1], (n,)

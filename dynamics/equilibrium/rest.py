@@ -21,7 +21,7 @@ RESIDUAL = 1e-9
 
 
 RIGID = 1e-9
-"""Share of the largest stiffness below which a stiffness is a rounding error, such as that against rigid motion."""
+"""A stiffness below this share of the largest one is a rounding error, such as the stiffness against a rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
 """Largest relative change of a rest length. After a larger change, the result of `stable_step` is not valid."""
@@ -142,14 +142,14 @@ def reaches(network: MassSpringNetwork) -> Floats:
 def fit_rest_lengths(
     network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
 ) -> MassSpringNetwork:
-    """Correct the rest lengths so that the network rests where its nodes were measured; returns the new network.
+    """Correct the rest lengths so that the measured positions of the nodes are a rest shape; returns the new network.
 
     positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: standard deviation of each coordinate [m]
     known: prior relative standard deviation of the rest lengths [1]
 
     Gauss-Newton steps find the smallest relative changes of rest lengths for which the forces in the measured shape are
-    zero. If sd_m is above 0, the steps find the most probable changes: the stiffness turns errors of the measured
-    positions into errors of the forces. Raises NetworkError if a rest length has to change by more than half, if the
+    zero. If sd_m is above 0, small forces may remain, because errors of the measured positions cause forces; the steps
+    then find the most probable changes. Raises NetworkError if a rest length has to change by more than half, if the
     iteration does not converge, or if there is no stable rest shape near the measured shape.
     """
     x = np.asarray(positions, dtype=float)

@@ -13,9 +13,9 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether a spring in any state of a set is reversed with respect to the first state of the set, (n_sets,).
+    """Whether a spring is reversed in any state of a set, compared with the first state of the set, (n_sets,).
 
-    A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid over such a turn.
+    A spring is reversed if it has turned by 90 degrees or more. No linearisation is valid for such a turn.
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]
     """
     return _reversed(np.ascontiguousarray(states), network.positions, _first_coordinates(network), network.springs)

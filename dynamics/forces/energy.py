@@ -43,7 +43,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 
 
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
-    """Potential energy of springs and gravity [J], [paper] (5); positions: all nodes' positions [m], (n_nodes, dim)."""
+    """Energy of springs and gravity [J], as in [paper] (5); positions: positions of all nodes [m], (n_nodes, dim)."""
     x = np.asarray(positions, dtype=float)
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()

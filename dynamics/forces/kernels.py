@@ -28,8 +28,8 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed at which friction reaches 71 % of its full value [m/s]; numerical: true friction jumps at speed 0, but needs a
-derivative here. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
+"""Speed at which friction reaches 71 % of its full value [m/s]; numerical: true friction jumps at speed 0, where a
+derivative is needed. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -83,7 +83,7 @@ def spring_tension(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats
 
 
 def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
-    """Stored energy [J]. Its derivative with respect to the length is the tension of a spring of constant length."""
+    """Stored energy [J]. Its derivative with respect to the length is the tension without the dashpot's part."""
     return 0.5 * c.stiffness * (length - c.rest_length) ** 2
 
 
@@ -114,7 +114,7 @@ def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants)
 
 @register_jitable(fastmath=FASTMATH)
 def node_resistance(square: Numbers, c: NodeConstants) -> Floats:
-    """Resistance R [N s/m] of a node with velocity v; the force is -R v. square: squared speed [m²/s²]."""
+    """Resistance R of a node [N s/m]; at the velocity v, the force is -R v. square: squared speed [m²/s²]."""
     return c.drag + c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY)
 
 
@@ -126,7 +126,7 @@ def resistance_by_square(square: Numbers, c: NodeConstants) -> Floats:
 
 @register_jitable
 def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConstants:
-    """Derivatives of the resistance with respect to the logarithm of each constant [N s/m]."""
+    """Derivative of the resistance with respect to the log of each constant [N s/m]."""
     return NodeConstants(
         drag=c.drag,
         friction=c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY),
@@ -314,7 +314,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add entry (a, b) of a spring's matrix to `matrix`; i, j: first coordinates of its nodes, -1 for an anchor."""
+    """Add entry (a, b) of a spring's matrix to `matrix`; i, j: first coordinate of each end, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -329,7 +329,7 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among all free coordinates, -1 for an anchor
-    definite: whether negative stiffness, such as `T / l` across a compressed spring, is set to 0. K and C are then
+    definite: whether negative stiffness is set to 0, such as `T / l` across a compressed spring; K and C are then
         semidefinite, and an implicit step damps buckling
     """
     n_nodes, dim, _ = x.shape
@@ -374,8 +374,8 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
 def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_slopes):  # type: ignore[no-untyped-def]
     """Force on the free coordinates [N], (n,), and minus its derivatives by q [N/m] and v [N s/m], (n, n) each.
 
-    q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
-    springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: if False, no derivatives are computed
+    q, v: free coordinates and rates, (n,) each; nodes, place: as in `runge_kutta` and `tangents`
+    springs, of_springs, of_nodes, weight: the fields of `Packed`; with_slopes: whether to compute derivatives
     Unlike `tangents`, the derivatives are exact: they include rotations of dashpots and the derivative of friction.
     """
     n_nodes, dim = nodes.shape
@@ -430,17 +430,17 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of the step in the first stage (trapezoidal rule). Both stages then have the same matrix [bank1985]."""
+"""Length of the first stage (trapezoidal rule) divided by the step. Both stages then share one matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
 """Least and largest number of Newton iterations in a stage; numerical: a spring of 2e7 N/m oscillates equally with two
-and with four iterations. After the least number, the iterations go on only while they do not contract."""
+and with four iterations. After the least number, the iterations end as soon as one contracts, see `CONTRACTED`."""
 
 CONTRACTED = 0.5
-"""If an iteration changes the speeds by more than this share of the change before, tangents are computed again."""
+"""An iteration contracts if it changes the speeds by at most this share of the previous change, see `_newton`."""
 
 STILL = 1e-12
-"""Relative change of position below which the iteration of a stage ends: further changes are rounding errors."""
+"""The iteration of a stage ends if positions change by at most this share [1]: smaller changes are rounding errors."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -461,7 +461,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
-    """Lower triangular L with `L L' = M + weight C + weight² K`; also writes the tangents into the arrays K and C."""
+    """Returns the lower triangular L with `L L' = M + weight C + weight² K`, and writes the tangents into K and C."""
     tangents(x, v, p, place, np.bool_(True), K, C)  # not a literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
@@ -471,10 +471,10 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
-    """Solve `(q, v) = target + weight (v, a(q, v))` by Newton iterations from `now`, and overwrite `now`.
+    """Solve `(q, v) = target + weight (v, a(q, v))` by Newton iterations; `now` is the first guess, then the solution.
 
     L: factor of the tangents near the solution, see `_factorise`
-    renew: whether each iteration computes L again; after an iteration that did not contract, L is always computed
+    renew: whether each iteration computes L again; if not, L is kept until an iteration does not contract
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -655,8 +655,8 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
     """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether the skin is punctured.
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
-    place: the time at the start and the length of a step, each divided by the interval between samples
-    moves: the needle's tip (dim,), velocity (dim,), direction (dim,) and length in the tissue, at the start
+    place: time at the start and length of a step, both divided by the interval between samples
+    moves: tip (dim,), velocity (dim,), direction (dim,) and inserted length of the needle, at the start
     punctured: whether the skin is punctured at the start
     """
     n_nodes, dim = nodes.shape
@@ -709,7 +709,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 @njit(cache=True, nogil=True)
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
-    """Derivatives of the forces on free coordinates by the logs of n constants [N], (n_points, n, n_state / 2).
+    """Derivatives of forces on free coordinates with respect to logs of n constants [N], (n_points, n, n_state / 2).
 
     states: (n_points, n_state); nodes: positions of all nodes [m], (n_nodes, dim), of which only anchors are used
     kinds: index of each constant's kind in KINDS, (n,); indices: index of the constant's spring or node, (n,)
@@ -728,7 +728,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """Add `parameter_forces_each` for one state to `out`, an array of zeros, (n, n_free dim); x, v: (n_nodes, dim)."""
+    """Add the result of `parameter_forces_each` for one state to `out`, `(n, n_free dim)`, an array of zeros."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

@@ -28,7 +28,7 @@ LARGEST_LOG = float(np.log(np.finfo(float).max))
 """Largest logarithm whose exponential is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Share of the original variance below which the variance that remains is only a rounding error."""
+"""A remaining variance below this share of the original variance is only a rounding error [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def strain_uncertainty(
     For two springs along the unit vectors n and m, the covariance of the relative changes of the rest lengths is
     `sd² exp(-d² / 2 l²) (n · m)²`, with d the distance between the middles of the springs. A pivoted Cholesky
     decomposition [harbrecht2012] approximates this covariance.
-    sd: standard deviation of the strain along any direction [1]; length: l divided by the body's longest side [1]
+    sd: standard deviation of the strain along any direction [1]; length: l, divided by the body's longest side [1]
     n_directions: largest rank of the approximation
     """
     which = parameters(network, ("rest_length",))
@@ -162,7 +162,7 @@ def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
 
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
-    """The network with each constant of `which` multiplied by exp(change); change: [1], (n_parameters,)."""
+    """The network with each constant of `which` multiplied by `exp(change)`; change: [1], (n_parameters,)."""
     if network.continuum is not None:
         logs = np.zeros(len(network.continuum.tissues))
         np.add.at(logs, [parameter.index for parameter in which], np.asarray(change, dtype=float))
@@ -215,7 +215,10 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """Derivatives of the forces by the logs of n constants [N], (..., n, n_state / 2), at states (..., n_state)."""
+        """Derivatives of the forces with respect to the logs of n constants [N], (..., n, n_state / 2).
+
+        states: states of the network, (..., n_state)
+        """
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

@@ -18,7 +18,7 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
-"""Classical Runge-Kutta is stable if the product of the step and each eigenvalue has at most this modulus and no
+"""Classical Runge-Kutta is stable if, for each eigenvalue, its product with the step has at most this modulus and no
 positive real part (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
@@ -59,7 +59,7 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
     """Matrix A of the linear motion `d(state)/dt = A (state - rest)` about a rest shape, (n_state, n_state).
 
     positions: positions of all nodes at rest [m], (n_nodes, dim)
-    speed_m_s: speed at which the resistance of the nodes is computed [m/s]
+    speed_m_s: speed of the nodes for which their resistance is computed [m/s]
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
@@ -74,8 +74,8 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step [s] with which Runge-Kutta is stable, if each spring has 0.5 to 1.5 times its rest length.
 
     The eigenvalues of the linearised motion have magnitudes of at most `(d + sqrt(d² + 4 w²)) / 2`. Here w² and d are
-    the largest eigenvalues of two graph Laplacians divided by the masses. The Laplacians are weighted by the largest
-    stiffness and the largest damping that each spring has at these lengths.
+    the largest eigenvalues of two graph Laplacians divided by the masses. Their weights are
+    the largest stiffness and the largest damping of each spring in this range of lengths.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

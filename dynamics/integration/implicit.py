@@ -14,8 +14,8 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Up to this number of coordinates, each Newton iteration computes new tangents, because springs of 2e7 N/m need them.
-With more coordinates, all iterations use the tangents at the step's start: springs of up to 2e5 N/m need no others."""
+"""Up to this number of coordinates, each Newton iteration computes new tangents, as springs of 2e7 N/m require. With
+more coordinates, all iterations use the tangents at the step's start, which is enough for springs of up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Share of a matrix's largest entry below which a stiffness is only a rounding error."""
@@ -30,7 +30,7 @@ class Linearised:
 
     F: derivative with respect to the state at the start of the interval, (k, n_state, n_state)
     by_force: derivative with respect to constant forces on the coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
-    half: derivative with respect to the state in the middle of the interval; F if the interval is a single step
+    half: the same derivative as F, for half the interval; equal to F if the interval is a single step
     """
 
     F: Floats
@@ -41,7 +41,7 @@ class Linearised:
 class ImplicitStepper:
     """Implicit integrator for states of one network: compiled TR-BDF2 steps of at most LONGEST_STEP.
 
-    The steps are L-stable [bank1985]: stiffness does not limit their length, and they damp motions faster than a step.
+    The steps are L-stable [bank1985]: stiffness does not limit their length. Motions faster than a step are damped.
     """
 
     def __init__(self, network: MassSpringNetwork) -> None:
@@ -53,7 +53,7 @@ class ImplicitStepper:
         return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
-        """Number of equal steps for an interval of dt [s]: a power of two, as `linearised` only squares matrices."""
+        """Number of equal steps for an interval of dt [s]: a power of two, so that `linearised` can square matrices."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
@@ -78,8 +78,8 @@ class ImplicitStepper:
 
         driven: free nodes that keep their velocity under any force
 
-        If the stiffness in a state is indefinite because tissue buckles, the negative transverse stiffness of its
-        compressed springs is replaced by 0. Otherwise the linear motion would grow without limit.
+        Buckling tissue has an indefinite stiffness. In such a state, the negative stiffness across compressed springs
+        is replaced by 0. Otherwise the linear motion would grow without limit.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)
@@ -118,7 +118,7 @@ class ImplicitStepper:
 
 
 def _times(lower: Floats, step: float, right: Floats) -> Floats:
-    """Product of W and `right`, (k, 2 n, m); W has the rows `(1, 0) + step lower` above `lower`, (k, n, 2 n)."""
+    """Product of W and `right`, (k, 2 n, m). Rows of W: first `(1, 0) + step lower`, then `lower`, (k, n, 2 n)."""
     n = lower.shape[1]
     below = lower @ right
     return np.concatenate([right[:, :n] + step * below, below], axis=1)

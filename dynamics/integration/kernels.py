@@ -1,7 +1,7 @@
 """Compiled algebra of the implicit step in `dynamics.integration.rosenbrock`.
 
 In this module, h is the step, g = gamma h, J the Jacobian of the equations of motion, K the stiffness, and C the
-damping. S = (M + g C + g² K)^-1 is used to multiply vectors by (1 - g J)^-1.
+damping. The matrix `S = (M + g C + g² K)^-1` gives products of `(1 - g J)^-1` with vectors.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
 
 @njit(cache=True, nogil=True)
 def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
-    """Product of `(1 - g J)^-1` and a vector, (2 n,); of_q, of_v: the vector's first and second half, (n,) each."""
+    """Product of `(1 - g J)^-1`, see the module, and a vector, (2 n,), whose halves are of_q and of_v, (n,) each."""
     speed = S @ (M * of_v - g * (K @ of_q))
     return np.concatenate((of_q + g * speed, speed))
 
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """First stage of a step; returns S, (n, n), and the arguments `first`, `first_f`, `middle` of `second_stage`."""
+    """First stage of a step; returns S, (n, n), then `first`, `first_f` and `middle` for `second_stage`."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
@@ -40,7 +40,7 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     """State after the step, and the largest difference of a coordinate between the two stages [m].
 
-    first, first_f: slopes of the first stage, for coordinates and velocities, (2 n,), and for decaying forces, (n_f,)
+    first, first_f: slopes of coordinates and velocities, (2 n,), and of decaying forces, (n_f,), in the first stage
     middle: coordinates and velocities after the first stage, (2 n,); force: force at `middle` [N], (n,)
     """
     n, g = len(M), GAMMA * h
@@ -54,7 +54,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write k columns of derivatives of coordinates and velocities, (2 n, k), into `found`, from column `start` on."""
+    """Write derivatives of coordinates and velocities, (2 n, k), into k columns of `found`, from column `start` on."""
     n, k = once.shape
     for i in range(n):
         for j in range(k):
@@ -91,7 +91,7 @@ def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add(to, columns, scale):  # type: ignore[no-untyped-def]
-    """Add `scale C C'` to the first k rows and columns of the matrix `to`; C is `columns`, (k, any)."""
+    """Add `scale C C'` to the first k rows and columns of the matrix `to`, with C = columns, (k, any)."""
     squares = columns @ columns.T
     for i in range(len(squares)):
         for j in range(len(squares)):
@@ -103,7 +103,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
     """Jacobian over all steps (2 n, m), decay factors of forces (n_f,), noise covariances (1 + n_sources, m, m).
 
     The m states are n positions, n velocities and n_f decaying forces. The first covariance is due to white noise on
-    the velocities. Each further covariance is due to the forces of one source with variance 1.
+    the velocities. Each further covariance is due to all forces of one source, each of which has variance 1.
     by_states, fadings, steps_s: Jacobian (2 n, m), decay factors (n_f,) and length [s] of each of n_steps steps
     sources (n_f,): index of each force's source; white (n,): standard deviation of each velocity's white noise
     """

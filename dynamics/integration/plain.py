@@ -1,7 +1,7 @@
-"""Equations of motion in plain NumPy: the reference for speed and results of the compiled kernels.
+"""Equations of motion in plain NumPy, with which the compiled kernels are compared in speed and results.
 
 `softaim bench` measures the time of filterpy's filter with this process model. Tests compare the kernels with this
-module. Both use the force laws of `dynamics.forces.kernels`, for which the tests contain an independent version.
+module. Both use the force laws of `dynamics.forces.kernels`. The tests contain an independent version of these laws.
 """
 
 from __future__ import annotations

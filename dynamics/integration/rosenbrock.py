@@ -2,8 +2,8 @@
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-The state contains the decaying accelerations f. The step is L-stable, which means that it damps stiff oscillations. It
-conserves the energy of slow oscillations to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
+The state contains the coordinates q, their rates q' and the decaying accelerations f. The step is L-stable: it damps
+stiff oscillations, but slow ones hardly lose energy. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from dynamics.integration.kernels import GAMMA, ONCE, TWICE, along_steps, by_pus
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
-"""Shortest step divided by the whole interval [1]; numerical. A step of this length is accepted with any error."""
+"""Shortest step divided by the whole interval [1]; numerical. A step of this length is accepted, whatever its error."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
     """One step: its length [s], and the state after the step, (n_state,).
 
-    by_state: derivative of coordinates and velocities after the step by the state before the step, (2 n, n_state)
+    by_state: derivative of the new coordinates and velocities with respect to the old state, (2 n, n_state)
     fading: factor by which each decaying acceleration of the state changes in the step, (n_f,)
     S [1/kg], (n, n), K [N/m], (n, n), M [kg], (n,): matrices of the step as in `dynamics.integration.kernels`
     """
@@ -47,10 +47,7 @@ class Move:
 
 
 def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
-    """Jacobian over all steps (2 n, m), decay factors of forces (n_f,), noise covariances (1 + n_sources, m, m).
-
-    m = 2 n + n_f; sources (n_f,): index of each force's source; white (n,): see `kernels.along_steps`
-    """
+    """Result of `kernels.along_steps` for these steps; sources (n_f,), n_sources and white (n,): as there."""
     by_states, fadings = np.array([move.by_state for move in moves]), np.array([move.fading for move in moves])
     steps_s = np.array([move.step_s for move in moves])
     return tuple(along_steps(by_states, fadings, steps_s, sources, n_sources, white))
@@ -65,7 +62,7 @@ class Rosenbrock:
     masses : (n,)
         Mass of each free coordinate [kg].
     basis : (n, n_f)
-        Acceleration of each coordinate due to each entry of f, divided by this entry.
+        Acceleration of each coordinate per unit of each entry of f [1].
     fading_s : (n_f,)
         Correlation times of f [s].
     tolerance_m : float

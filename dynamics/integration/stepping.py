@@ -22,13 +22,13 @@ LONGEST_STEP = 1.0 / 240.0
 SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
-"""Relative excess of an interval over n steps that requires no further step [1]: times are often rounded to 1 ns."""
+"""Relative excess of an interval over n steps, up to which n steps suffice [1]. Times are often rounded to 1 ns."""
 
 
 class Stepper:
     """Integrator for batches of states of one network: compiled classical Runge-Kutta steps.
 
-    max_step_s: longest step [s]; in a network of springs, no step is longer than half the stability limit
+    max_step_s: longest step [s]; in a network of springs, at most half the longest stable step, see `stable_step`
     """
 
     def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
@@ -84,7 +84,7 @@ class Stepper:
         )
 
     def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
-        """Take n trapezoidal steps of h [s]. Steps of any length are stable, because a continuum moves linearly."""
+        """Take n trapezoidal steps of h [s]. They are stable for any h, because the motion of a continuum is linear."""
         network, solid = self.network, self.network.continuum
         assert solid is not None
         half = self._n_state // 2

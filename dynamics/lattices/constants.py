@@ -16,8 +16,8 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Largest number of steps of the fit; largest change of a factor in a step; the fit ends if all changes are below
-CONVERGED; numerical."""
+"""STEPS is the largest number of steps of the fit, and LARGEST the largest change of a factor in a step. The fit ends
+if all changes are below CONVERGED. All three are numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
@@ -31,7 +31,8 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
     """Spring stiffness [N/m], (n_springs,), by Lloyd's formula; young: Young's modulus of each tetrahedron [Pa], (m,).
 
-    Each tetrahedron adds `2 sqrt(2) / 25 E l` to its edges; l: edge of a regular tetrahedron of its volume [lloyd2007].
+    Each tetrahedron adds `2 sqrt(2) / 25 E l` to its edges, with l the edge of a regular one of equal volume
+    [lloyd2007].
     """
     edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
     return lattice.of_springs(2.0 * np.sqrt(2.0) / 25.0 * young * edge)
@@ -40,8 +41,8 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
     """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on the spring's direction.
 
-    The log of the factor of a spring along the unit vector n is the sum of `factors[q] (n[i] n[j])²` over all pairs
-    `i, j = PAIRS[q]`. factors: [1], (6,)
+    factors: coefficients of the log of this factor [1], (6,). For a spring along the unit vector n, the log is the sum
+        over q of `factors[q] (n[i] n[j])²`, with `i, j = PAIRS[q]`.
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
@@ -59,7 +60,7 @@ class Sample(NamedTuple):
 
 
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
-    """Factors for `directed` [1], (6,), with which lattices of one structure get the wanted Young's moduli.
+    """Factors for `directed` [1], (6,), for which lattices of one structure have the wanted Young's moduli.
 
     For one lattice, the fit is exact. For several lattices, it minimises the squared errors of the logs of the moduli.
     Raises ValueError if no factors are found.
@@ -88,9 +89,10 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Missing change of the log of each modulus, (6,), and derivatives of these logs by the factors, (6, 6).
+    """Wanted minus present log of each modulus, (6,), and derivatives of the present logs by the factors, (6, 6).
 
-    Under unit tension, `d(1/E) = -sum(e² dk) / V`, with the volume V, and with elongation e and stiffness k of springs.
+    Under unit tension, `d(1/E) = -sum(e² dk) / V`. V is the volume of the lattice, e the elongation and k the stiffness
+    of each spring.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

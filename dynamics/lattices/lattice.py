@@ -27,12 +27,12 @@ CLOSEST = 0.45
 tetrahedra."""
 
 FLATTEST = 1e-3
-"""A tetrahedron is omitted if its volume is at most this share of its longest edge cubed; choice. Together, the omitted
-tetrahedra have about 1e-5 of the cube's volume."""
+"""A tetrahedron is omitted if its volume divided by the cube of its longest edge is at most this [1]; choice. Together,
+the omitted tetrahedra have about 1e-5 of the cube's volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Number of Newton steps that move a point to a surface. Half-width of central differences, relative to the side of the
-cube [1]; numerical."""
+"""MOVES is the number of Newton steps that move a point to a surface. STEP is the half-width of central differences,
+relative to the side of the cube [1]. Both are numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

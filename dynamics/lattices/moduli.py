@@ -23,14 +23,14 @@ from dynamics.mesh import factored
 from dynamics.network import MassSpringNetwork, NetworkError
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-"""Axes of each component of strain."""
+"""The two axes of each component of strain, in Voigt's order."""
 
 ON_FACE = 1e-6
 """A node lies on a face if its distance from the face is below this share of the side of the box; numerical."""
 
 LOOSE = 1e-10
-"""If a pivot of the factored stiffness is below this share of the stiffness's largest diagonal entry, a node moves
-without force; numerical: in lattices of tissues, the least pivot has a share of about 1e-3."""
+"""A node moves without force if a pivot of the factored stiffness is below this share of the largest diagonal entry of
+the stiffness; numerical: in lattices of tissues, the least pivot is about 1e-3 of this entry."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -48,7 +48,7 @@ class Moduli:
     shear : (3,)
         Shear moduli of yz, xz, xy [Pa].
     poisson : (3,)
-        Poisson's ratios for yz, xz, xy: relative contraction along the second axis under tension along the first [1].
+        Poisson's ratios for yz, xz, xy: contraction along the second axis per extension along the first under tension.
     bulk : float
         Bulk modulus [Pa]: pressure divided by the relative loss of volume.
     anisotropy : float
@@ -104,7 +104,7 @@ def young_along(stiffness: Floats, directions: Floats) -> Floats:
 
 
 def tension(directions: Floats) -> Floats:
-    """Stress under unit tension along each of n unit vectors (n, 3), in Voigt's order, (n, 6)."""
+    """Stress of a unit tension along each of n unit vectors (n, 3), as components in Voigt's order, (n, 6)."""
     return np.stack([directions[:, i] * directions[:, j] for i, j in PAIRS], axis=1)
 
 
@@ -118,7 +118,7 @@ def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
 
 
 def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
-    """Stiffness [Pa], (6, 6), from the energies of the tests in `strained`; moved: result of `strained`, (3 n, 6)."""
+    """Stiffness [Pa], (6, 6), from the elastic energies in the virtual tests; moved: result of `strained`, (3 n, 6)."""
     C = moved.T @ (K @ moved) / volume
     C[:3, 3:] = C[3:, :3] = 0.0
     C[3:, 3:] = np.diag(np.diag(C)[3:])
@@ -126,7 +126,7 @@ def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
 
 
 def strained(K: csc_array, nodes: Floats) -> Floats:
-    """Displacements of all nodes, (3 n, 6), in six virtual tests: in each, one component of the mean strain is 1."""
+    """Displacements of all nodes, (3 n, 6), in six tests. In each test, one component of the mean strain is 1."""
     on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
     for q, (i, j) in enumerate(PAIRS):  # Affine: strain times position
         moved[:, i, q] += 0.5 * nodes[:, j]
@@ -169,7 +169,7 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set `moved`, (3 n, k), to the displacements at equilibrium, except where `given`, (n, 3), is true.
+    """Replace the entries of `moved`, (3 n, k), by the displacements at equilibrium; `given` entries, (n, 3), are kept.
 
     Raises NetworkError for a loose node, which moves without force.
     """

@@ -15,14 +15,15 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Function from points, (n, 3), to their distances from the surfaces of all tissues but the surrounding one,
+"""Function from points, (n, 3), to their distances from the surface of each tissue except the surrounding tissue,
 (n_tissues, n). Points and distances are relative to the side of the cube."""
 
 THICK, WALL = 0.12, 0.08
-"""Thickness of layers, ducts and fibres; thickness of a foam's walls; both relative to the side of the cube.
+"""THICK is the thickness of layers, ducts and fibres, and WALL that of a foam's walls, relative to the side of the
+cube.
 
-A lattice of ten cells per side does not resolve the walls: over six foams, 4.8 % of the springs cross a surface, and
-walls fill 55.9 % of the mesh instead of 53.4 %."""
+A lattice of ten cells per side does not resolve the walls. In six foams, 4.8 % of the springs cross a surface. The
+walls fill 55.9 % of the mesh, but only 53.4 % of the exact foams."""
 
 LAYERS, WAVE = 3, 0.04
 """Number of layers; amplitude of the waves of each layer, relative to the side of the cube."""
@@ -34,11 +35,11 @@ RADIUS = 0.16
 """Radius of lobules, relative to the side of the cube."""
 
 FIBRES = 4
-"""Number of fibres side by side along y, and along z. All fibres run along x."""
+"""Number of fibres in a row along y and in a row along z, 16 fibres in all. All fibres run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of the centres of foam cells and lobules, relative to the side of the cube. For fibres, the
-largest shift and the amplitude of the waves are half as large."""
+"""Largest random shift of the centres of foam cells and lobules, relative to the side of the cube. For fibres, half
+this value is the largest shift and the amplitude of the waves."""
 
 
 def plain(rng: np.random.Generator) -> Structure:

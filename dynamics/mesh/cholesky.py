@@ -1,8 +1,8 @@
 """Cholesky factorisation of a mesh matrix by nested dissection [george1973] and dense fronts [duff1983].
 
 The set of cells is halved repeatedly, which gives a tree of parts. The elimination proceeds from the smallest parts to
-the whole mesh. In each part, the nodes that belong only to cells of this part are eliminated. The Schur complement of
-the other nodes of the part is then added to the matrix of the next larger part.
+the whole mesh. In each part, the nodes that belong only to cells of this part are eliminated. The part's other nodes
+remain. Their Schur complement is added to the matrix of the next larger part.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""A part of the mesh is halved if its cells have more nodes than this, with a node counted once for each of its cells;
-numerical: with half or twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
+"""A part of the mesh is halved if the numbers of nodes of its cells sum to more than this; numerical: with half or
+twice this number, the factorisation of a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Factors of a part of the mesh: Cholesky factor of rows `own`, (m, m), and coupling to rows `others`, (m, k)."""
+    """Factors of a part: `chol` of the rows `own`, (m, m), and their `coupling` to the rows `others`, (m, k)."""
 
     own: Ints
     others: Ints
@@ -93,7 +93,7 @@ class _Contribution(NamedTuple):
 class _Elimination:
     """Elimination of the rows of K, part by part (nested dissection).
 
-    lowest: smallest x, y, z of the nodes of each cell [m], (m, 3); shared: number of cells at each node, (n,)
+    lowest: smallest x, smallest y, smallest z in each cell [m], (m, 3); shared: number of cells at each node, (n,)
     local: index of each row of K in the present front, (n dim,); -1 for eliminated rows
     """
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def grid_tetrahedra(counts: Sequence[int]) -> NDArray[np.int64]:
-    """Nodes of the tetrahedra of a grid, (m, 4), numbered along z first; counts: cells along x, y and z, (3,)."""
+    """Corners of a grid's tetrahedra, (m, 4); grid nodes are numbered along z first. counts: cells per axis, (3,)."""
     index = np.arange(np.prod(np.add(counts, 1))).reshape(np.add(counts, 1))
     cells = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
     elements = []

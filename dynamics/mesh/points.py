@@ -27,7 +27,7 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """As `locate`, but for any point: the element is the one in which the point's smallest weight is largest."""
+    """As `locate`, but for any point. The chosen element is the one whose smallest weight at the point is largest."""
     gradients = np.ascontiguousarray(mesh.gradients.transpose(1, 2, 0))
     centres = np.ascontiguousarray(mesh.nodes[mesh.elements].mean(axis=1).T)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))

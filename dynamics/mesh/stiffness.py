@@ -13,7 +13,7 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Size of a patch; choice: with 8 or more elements, beams in tests bend equally; with 4, they bend a tenth less."""
+"""Number of elements in a patch; choice: beams in tests bend equally with 8 or more, but a tenth less with 4."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
@@ -49,7 +49,7 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
 
 
 class Strains(NamedTuple):
-    """Small strains of a mesh. The weighted sum of the squared strains is twice the stored energy [J].
+    """Linear map from displacements to small strains. The weighted sum of squared strains is twice the energy [J].
 
     Attributes
     ----------

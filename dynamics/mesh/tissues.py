@@ -9,7 +9,7 @@ from __future__ import annotations
 from dynamics.mesh.tissue import Tissue
 
 POISSON = 0.49
-"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. 0.495 doubles the bulk modulus."""
+"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. With 0.495, the bulk modulus doubles."""
 
 DAMPING_S = 0.01
 """Ratio of damping to stiffness [s]; choice, as for the phantoms: no source reports this ratio below 1 Hz."""

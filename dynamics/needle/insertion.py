@@ -15,8 +15,8 @@ from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
 from dynamics.network.mass_spring import MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
-"""Longest step of the adaptive integrator [s]; numerical: a step must not miss the moment of contact. At 50 mm/s, the
-tip advances by half a millimetre per step."""
+"""Longest step of the adaptive integrator [s]; numerical: a longer step could miss the moment of contact. At 50 mm/s,
+the tip advances by half a millimetre per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +24,7 @@ class InsertionHistory:
     """States, forces and puncture of a simulated insertion over time.
 
     times_s: times [s], (n_times,); states: states of the network, (n_times, n_state)
-    axial_forces: forces of the needle on the tissue, along the needle [N], (n_times,)
+    axial_forces: axial force of the needle on the tissue [N], (n_times,)
     punctured_s: time at which the skin was punctured [s]; None without puncture
     """
 
@@ -62,7 +62,7 @@ def forced_states(
     times: ArrayLike,
     n_steps: int = 1,
 ) -> Floats:
-    """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps in each interval.
+    """States at the times [s], (n_times, n_state). Each interval has n_steps classical Runge-Kutta steps.
 
     force(t, state): force on the free nodes [N], (n_free, dim); it is computed at each stage of a step
     """

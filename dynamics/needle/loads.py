@@ -12,7 +12,7 @@ displacement is a weighted mean of the nodes' displacements. The same weights di
 that the work at the point equals the work on the nodes.
 
 This differs from [okamura2004]: their modified Karnopp model has a dead band with stiction. Here Coulomb friction
-builds up over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
+rises smoothly over `slip_m_s`, as an integrator requires. The needle is straight and rigid and exerts no lateral force.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) 
 
 
 def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
-    """Depth of the tip beyond the skin [m], (...); negative before contact. The skin moves with the nodes.
+    """Depth of the tip beyond the skin [m], (...). It is negative before contact. The skin moves with the nodes.
 
     positions: positions of all nodes [m], (..., n_nodes, dim)
     """
@@ -184,7 +184,7 @@ def needle_load(
 def distributed_force(
     network: MassSpringNetwork, needle: NeedleMechanics, t: float, push_N: float, *, punctured: bool
 ) -> Floats:
-    """Known input of a filter: a measured axial force, distributed over the free nodes [N], (n_free, dim).
+    """Measured axial force, distributed over the free nodes [N], (n_free, dim), as a known input of a filter.
 
     push_N: force on the tissue along the needle [N]; a sensor at the hub reads the opposite force
     Before the puncture, the force acts at the entry. After the puncture, it is distributed over tip and shaft in

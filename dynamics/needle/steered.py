@@ -3,9 +3,9 @@
 `dynamics.needle.loads` defines the forces. `simulate_insertion` needs the needle's whole motion in advance. Here the
 motion is given piece by piece, and a whole insertion takes milliseconds.
 
-The trapezoidal rule integrates the modes of a continuum. Each step solves for cutting and friction, because these
-forces change steeply at small sliding speeds. The modes omit a part of the nodes' displacement. This part is the
-residual flexibility [macneal1971] times the present forces.
+The trapezoidal rule integrates the modes of a continuum. Cutting and friction change steeply at small sliding speeds.
+Each step therefore solves equations for these forces. The modes do not describe the whole displacement of the nodes.
+The missing part is the residual flexibility [macneal1971] times the present forces.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step for springs [s]; numerical: after 0.5 s of insertion the target differs by less than 2 µm from the
-adaptive integrator's result, as `tests/dynamics/needle/test_steered.py` checks."""
+"""Longest step for springs [s]; numerical: after 0.5 s of insertion, the error of the target's position is below 2 µm
+compared with the adaptive integrator, as `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
 """Longest step for a continuum [s]; numerical: the error is 5 µm, see `tests/dynamics/needle/test_steered_solid.py`."""
@@ -36,8 +36,8 @@ SLIDES, SLID = 50, 1e-3
 times the slip velocity; numerical."""
 
 OF_STABLE = 0.25
-"""Longest step for stiff springs divided by `stable_step`; numerical: the fastest vibration loses 0.1 % of its energy
-per step."""
+"""For stiff springs, the longest step divided by `stable_step` [1]; numerical: in each step, the fastest vibration then
+loses 0.1 % of its energy."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ class NeedleMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledForces:
-    """Outside forces on the free nodes [N], (n, n_free, dim), sampled every interval_s [s] from time 0."""
+    """Outside forces on the free nodes [N], (n, n_free, dim). Sample k applies at the time k interval_s [s]."""
 
     forces: Floats
     interval_s: float
@@ -136,7 +136,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum; for springs FINEST_STEP, or less if the springs are stiff."""
+    """Longest step [s]: SOLID_STEP for a continuum, FINEST_STEP for springs. Stiff springs may need shorter steps."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -150,7 +150,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps, and whether the skin is punctured; steps: forces, start [s], step [s], n."""
+    """State of a continuum after n steps of h, and whether the skin is punctured; steps: forces, start, h, n."""
     solid, (outside, start, dt, n) = network.continuum, steps
     assert solid is not None  # the caller checks it
     give, r, drawn = _residual(network), len(solid.rates), network.positions
@@ -214,7 +214,7 @@ def _solid_steps(
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
     """Cutting and friction forces f(u) [N], (n,), at the sliding speeds u that solve `u = free - gives f(u)`.
 
-    free: speeds without these forces [m/s], (n,); gives: loss of speed per force [m/s/N], (n, n)
+    free: speeds without these forces [m/s], (n,); gives: loss of each speed per unit of each force [m/s/N], (n, n)
     most: largest forces [N], (n,)
     """
     u, secant = free, np.zeros_like(most)

@@ -11,10 +11,10 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""No stiffness resists a mode whose squared angular frequency is below this share of the largest one [1]."""
+"""A mode meets no stiffness if its squared angular frequency is below this share of the largest squared one [1]."""
 
 FREE = 0.2
-"""Assumed growth rate of forces [1/s]; numerical: constant forces would move a free body without limit."""
+"""Assumed growth rate of forces [1/s]; numerical: under constant forces, a free body would move without limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,8 +44,8 @@ class Continuum:
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue divided by mass [1/s²]; their sum is the diagonal matrix of `rates`.
     forces : (n_modes, any)
-        Acceleration of each mode divided by the strength of each force field [1]; strength: force per mass of the body.
-        The first three fields are uniform forces along the axes, and the others are smooth surface forces.
+        Acceleration of each mode by each force field, divided by the field's force per mass of the body [1]. The first
+        three fields are uniform forces along the axes, and the others are smooth surface forces.
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -94,12 +94,12 @@ class Continuum:
 
     @property
     def residual(self) -> Floats:
-        """Compliance of the free nodes minus its part in the modes [m/N], (n_free dim, n_free dim) [macneal1971]."""
+        """Compliance of the free nodes that the modes do not describe [m/N], (n_free dim, n_free dim) [macneal1971]."""
         by_modes = (self.shapes / (self.masses * (self.rates + FREE**2))) @ self.shapes.T
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with new modes, for the stiffness of each tissue multiplied by its factor, (n_tissues,)."""
+        """The continuum with new modes and with the stiffness of each tissue times its factor, (n_tissues,)."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes

@@ -38,7 +38,7 @@ class MassSpringNetwork:
     rest_lengths: rest length of each spring [m], shape (n_springs,), positive
     damping: damping of the dashpot along each spring [N s/m], shape (n_springs,)
     gravity: acceleration [m/s²], shape (dim,)
-    continuum: a solid in place of springs; the free nodes are points of this solid; None: no solid
+    continuum: a solid in place of springs, whose points are the free nodes; None for a network of springs
 
     Raises NetworkError for values that cannot be simulated.
     """

@@ -26,7 +26,7 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 
 
 def material_coordinates(network: MassSpringNetwork) -> Floats:
-    """Coordinates of all nodes in the straightened body [m], (n_nodes, n); n is at most the network's dimension.
+    """Coordinates of all nodes in the straightened body [m], (n_nodes, n), with n at most the network's dimension.
 
     Classical multidimensional scaling [torgerson1952] fits distances between the nodes to path lengths along springs in
     the drawn shape. A cable becomes a straight line (n = 1), even if it is drawn bent.

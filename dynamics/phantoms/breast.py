@@ -27,7 +27,7 @@ TARGET = (0.15, 0.1, 0.45)
 """Position of the target, relative to the breast's radius."""
 
 INNER = 0.55
-"""Distance of inner masses from the middle of the base, relative to the breast's radius. The target is not included."""
+"""Distance of the inner masses, except the target, from the middle of the base, relative to the breast's radius."""
 
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 

@@ -29,7 +29,7 @@ TARGET = (0.2, 0.15, 0.45)
 
 
 def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.int64]]:
-    """The mesh, and its nodes on the chest wall, (n_fixed,); across, deep: numbers of cells in width and in depth.
+    """A mesh, and its nodes on the chest wall, (n_fixed,); across, deep: numbers of cells in width and in depth.
 
     The mesh has (across + 1)² (deep + 1) nodes, and six tetrahedra per cell.
     """

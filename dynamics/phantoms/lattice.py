@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""An edge of the triangulation gets no spring if it is longer than this number of median edges [1]."""
+"""Largest length of a spring, divided by the median edge length of the triangulation. Longer edges get no spring."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -62,8 +62,8 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
 
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: in space, Young's modulus E [Pa]; in the plane, E times the thickness of the sheet [N/m]
-    By [vangelder1998], a spring of length l has the stiffness `E V / l²`, with V the volume of the simplices around it.
-    The returned stiffness gives the same sum of stiffness times l² over all springs as this formula. Under uniform
+    By [vangelder1998], a spring of length l has the stiffness `k = E V / l²`, with V the volume of the simplices around
+    it. The returned stiffness is the constant k for which the sum of `k l²` over all springs is the same. Under uniform
     stretch, the lattice is as stiff as a body with E and Poisson's ratio 1/4 in space or 1/3 in the plane.
     """
     dim = positions.shape[1]

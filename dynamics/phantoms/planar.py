@@ -1,4 +1,4 @@
-"""Flat phantom like the paper's, with 4 to 60 masses in staggered rows above the floor.
+"""Flat phantom like the one in [paper], with 4 to 60 masses in staggered rows above the floor.
 
 The constants below define this phantom; they are not settings.
 """
@@ -16,7 +16,7 @@ SPACING_M = 0.120
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Stiffness of a spring divided by the number of masses [N/m]. Every phantom then sags by about 10 % of the spacing."""
+"""Stiffness of each spring, divided by the number of masses [N/m]. Phantoms then sag by about 10 % of the spacing."""
 
 DAMPING_S = 0.0025
 """Damping of a dashpot divided by the stiffness of its spring [s]."""
@@ -25,7 +25,7 @@ DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Number of masses divided by the square of the number of masses in a row. It makes the phantom as high as wide."""
+"""Number of masses divided by the square of the number in a full row; at 1.7, the phantom is as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:

@@ -20,8 +20,8 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    The initial mean is the state at rest. The initial covariance is the one that short forces (pokes) on the marked
-    nodes cause within `settings.lost_s`. The state is constant until the first mark. No mark is rejected.
+    The initial mean is the state at rest. The initial covariance is that of a body on whose marked nodes short forces
+    (pokes) have acted for `settings.lost_s`. The state is constant until the first mark. No mark is rejected.
 
     State: time_s, time of the estimate [s], None before the first frame; seen_s, time of the last used mark [s].
     """
@@ -56,7 +56,7 @@ class Baseline(ABC):
         """Mean (n,) and covariance (n, n) of the first n entries of the state, at least of all free coordinates."""
 
     def _poked(self) -> float | None:
-        """Probability that a short force acts; None for a method that does not estimate this probability."""
+        """Probability that a short force acts now; None for a method that does not estimate it."""
         return None
 
     def run(
@@ -75,7 +75,7 @@ class Baseline(ABC):
             yield [estimate]
 
     def predict(self, time_s: float) -> None:
-        """Predict the state at an exposure time [s]; ValueError if this time is before the last time, or not finite."""
+        """Predict the state at an exposure time [s]; ValueError if it is not finite or before the last exposure."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.time_s is None:

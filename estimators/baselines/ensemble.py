@@ -14,7 +14,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_MEMBERS = 200
-"""Size n of the ensemble. The relative error of standard deviations is 1 / sqrt(2 n) = 5 %. With nine members per
+"""Size n of the ensemble. The relative error of standard deviations is `1 / sqrt(2 n)`, or 5 %. With nine members per
 state variable, localisation is unnecessary."""
 
 

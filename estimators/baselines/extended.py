@@ -26,8 +26,8 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 class ExtendedKalmanFilter(Baseline):
     """Extended Kalman filter that assumes at all times that short forces (pokes) act.
 
-    The motion is linearised at each step of at most 1/120 s. Source: [barshalom2001], section 10.3. The update has
-    Joseph's form.
+    The motion is linearised at each step of at most 1/120 s. The update uses Joseph's form of the covariance. Source:
+    [barshalom2001], section 10.3.
 
     State: x (dim_x,) and P (dim_x, dim_x), besides the state of `Baseline`.
     """

@@ -12,7 +12,7 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Longest simulated time between two frames [s]; after a gap of this duration, `TissueFilter` resets its state."""
+"""Longest simulated time between two frames [s]. After this time without a mark, `TissueFilter` resets its state."""
 
 
 class OpenLoop:
@@ -35,7 +35,7 @@ class OpenLoop:
         self._free = set(network.free.tolist())
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Simulate up to an exposure time [s], at which the marked masses reach their measured positions."""
+        """Simulate until an exposure time [s]. At this time, the marked masses are at their measured positions."""
         seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")

@@ -21,19 +21,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Number of particles, enough for all `2^6 = 64` histories of the two modes over six frames at 30 Hz."""
+"""Number of particles. In six frames at 30 Hz, the two modes have only `2^6 = 64` possible histories."""
 
 BRANCH_S = 1.0 / 30.0
-"""Interval after which each particle is replaced by its successors [s]; choice."""
+"""Interval after which a particle is replaced by two successors, see `ParticleFilter` [s]; choice."""
 
 
 class ParticleFilter(Baseline):
     """Rao-Blackwellised particle filter [doucet2000]. A particle is a history of modes.
 
     A short force acts in mode 1 and does not act in mode 0. For a given history, the state is nearly Gaussian. Each
-    particle therefore has an unscented filter of the state. Each particle has two weighted successors, one for each
-    mode. Before that, `resample` keeps at most n_particles particles [fearnhead2003]. `Disturbances` gives the
-    mean durations of the modes.
+    particle therefore has an unscented filter of the state. At each branch, `resample` first keeps at most n_particles
+    particles [fearnhead2003]. Then two weighted successors, one for each mode, replace each particle. `Disturbances`
+    gives the mean durations of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """

@@ -33,7 +33,7 @@ class TrackingProblem:
 
     target: name of a node, or a point relative to nodes; marked: nodes whose marks are measured
     uncertainty: uncertainty of the constants; n_calibration: number of columns of `MarkMeasurement.shared`
-    seed: seed for methods that draw random numbers; fixes: direct measurements of the target, only for the smoother
+    seed: seed for methods that draw random numbers; fixes: direct measurements of the target, which the smoother uses
     """
 
     network: MassSpringNetwork

@@ -15,7 +15,7 @@ from estimators.tissue.settings import FilterSettings
 class FixedIntervalSmoother:
     """Fixed-interval smoother. Its error is a lower limit for filters with the same model.
 
-    fixes: direct measurements of the target with their times
+    fixes: direct measurements of the target, each with its time
     State: tissue, the filter of the forward pass.
     """
 

@@ -16,12 +16,12 @@ ALPHA, BETA = 0.1, 2.0
 class StockUnscented(Baseline):
     """filterpy's UnscentedKalmanFilter without changes. It assumes at all times that short forces (pokes) act.
 
-    Sigma points are drawn once per frame and move in steps of at most 1/120 s. Process noise, which neglects springs
-    (`TissueModel.noise`), is added once per frame. The other methods add process noise at each step. This difference is
-    small at 30 frames/s, but dominates at 10 frames/s or less.
+    Sigma points are drawn once per frame and move in steps of at most 1/120 s. Process noise is added once per frame,
+    as if there were no springs, see `TissueModel.noise`. The other methods add process noise at each step. This
+    difference is small at 30 frames/s, but dominates at 10 frames/s or less.
 
     State: filter, the object from filterpy; restarts, how often the filter restarted because its covariance was not
-    positive definite; and the state of `Baseline`.
+        positive definite; and the state of `Baseline`.
     """
 
     filter: filterpy.UnscentedKalmanFilter

@@ -14,7 +14,7 @@ from estimators.consistency.joseph import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6
-"""Half-width of central differences [m, m/s]; the derivatives then have a relative rounding error of 1e-10."""
+"""Half-width of central differences [m, m/s]; numerical: rounding errors of the derivatives are 1e-10 of their size."""
 
 
 def posterior_bound(
@@ -29,7 +29,7 @@ def posterior_bound(
 ) -> Floats:
     """Lower bound on the covariance of any unbiased estimate of the state at each time, (n_times, dim_x, dim_x).
 
-    states: true states, (n_times, n_state); times_s: their times [s]; the motion between two must be nearly linear
+    states: true states, (n_times, n_state); times_s: their times [s], so close that the motion between is nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if no mark is visible
     mode: densities of the unknown forces, which are white noise on all free nodes and short forces on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
@@ -68,8 +68,8 @@ def posterior_bound(
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
     """Transition matrix and noise covariance, (dim_x, dim_x) each, over dt [s] from a state of the network, (n_state,).
 
-    The transition matrix is `exp(A dt)`, with A the matrix of the motion linearised at this state. The noise covariance
-    is the integral of `exp(A s) D exp(A' s)`, with D the noise density, by Simpson's rule.
+    The transition matrix is `exp(A dt)`. A is the matrix of the motion that is linearised at this state. The noise
+    covariance is the integral of `exp(A s) D exp(A' s)` over s by Simpson's rule, with D the noise density.
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

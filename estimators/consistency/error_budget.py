@@ -41,7 +41,7 @@ class ErrorSource:
 
 
 class StaticResponse:
-    """Static response of an estimate of the target to errors. The estimate fits the marks of the given nodes exactly.
+    """Shift of the estimated target at rest due to errors. The estimate fits the marks of the given nodes exactly.
 
     rest: positions of all nodes at rest [m], (n_nodes, dim)
     """

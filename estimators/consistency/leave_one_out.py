@@ -28,7 +28,7 @@ class LeaveOneOutCheck:
 
 
 class LeaveOneOut:
-    """Filter of the target, and for each marked node a filter that does not use this node's mark, but predicts it.
+    """Filter of the target and, for each marked node, a filter that predicts this node's mark without using it.
 
     If the errors of these predictions exceed their covariance, the model is wrong, also at the target. A factor on the
     covariance of the predictions is therefore estimated by maximum likelihood. The covariance of the target is
@@ -65,7 +65,7 @@ class LeaveOneOut:
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
-        """Predict all filters at an exposure time [s]. Raises ValueError if `TissueFilter.predict` raises it."""
+        """Predict all filters at an exposure time [s]. Raises ValueError like `TissueFilter.predict`."""
         self.tissue.predict(time_s)
         for other in self.without.values():
             other.predict(time_s)
@@ -98,7 +98,7 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """Covariance that calibration errors add to the error of the filter `other` at a mark [m²], (dim, dim).
+    """Covariance that calibration errors add to a mark's deviation from the prediction by `other` [m²], (dim, dim).
 
     Calibration errors affect the filter's prediction with the sensitivity C, and the mark with the sensitivity F. The
     filter's covariance already contains C C'. The errors therefore add `(C + F)(C + F)' - C C'`.

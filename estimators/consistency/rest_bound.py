@@ -13,17 +13,17 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Time [s] after which the bound is evaluated even if it is not steady. It never becomes steady if, for example, the
-marks do not determine the position of a part of the body."""
+"""Time [s] after which the bound is evaluated, even if it is not steady then. It never becomes steady if, for example,
+the marks do not determine the position of a part of the body."""
 
 SETTLED = 1e-6
-"""The bound is steady if twice the number of frames changes it by at most this share; numerical."""
+"""The bound is steady if doubling the number of frames changes it by at most this share; numerical."""
 
 STATIONARY_S = 60.0
 """Time after which the motion of a body with friction is assumed to be stationary [s]; numerical."""
 
 PASSES = 20
-"""Number of fixed-point iterations; each iteration changes drag by at most a third of the change before; numerical."""
+"""Number of fixed-point iterations; numerical: each changes the drag by at most a third of the previous change."""
 
 
 def resting_bound(
@@ -70,8 +70,8 @@ def friction_as_drag(
 ) -> MassSpringNetwork:
     """The network with viscous drag in place of dry friction, by statistical linearisation [gelb1974].
 
-    The drag added to a node is its friction divided by its root mean square speed in the linear motion under forces of
-    `mode`. rest: rest shape [m], (n_nodes, dim); poked: nodes on which short forces act
+    rest: rest shape [m], (n_nodes, dim); poked: nodes on which short forces act
+    The drag added to a node is its friction divided by the root mean square speed that forces of `mode` cause.
     """
     smooth = replace(network, friction=np.zeros(network.n_nodes))
     if not network.friction[network.free].any():

@@ -3,15 +3,15 @@
 If a spring is cut or a mark is moved, a filter explains the marks by a persistent force. Its innovations then become
 small, although its estimate of the hidden target is wrong. The mean external force shows such a fault. Over a second,
 the mean acceleration of a body is almost zero. The mean external force on the marked nodes therefore balances springs
-and weight. To compute this force, the following f is averaged over the frames:
+and weight. To compute this force, the force f is averaged over the frames:
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 Here K is the stiffness at rest, and F is the force of springs and weight. The indices m and h stand for marked and
 hidden nodes (static condensation). F is computed with the marked nodes at their measured positions z, and with the
 hidden nodes at rest_h - Khh^-1 Khm (z - rest_m). Near rest, f equals Kc (z - rest). A chi-square test compares the mean
-of f with the covariance that a right model predicts. This covariance has three causes: short forces, which average out;
-forces on all nodes in proportion to their masses, as in breathing; errors of marks, camera calibration and constants.
+of f with the covariance that a right model predicts. It is due to short forces, whose mean is not exactly zero; to
+forces on all nodes in proportion to their masses, as in breathing; to errors of marks, calibration and constants.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance.
 
-    mean_s: time over which the force is averaged [s]; choice: in half this time, short forces do not average out; twice
+    mean_s: time over which the force is averaged [s]; choice: over half this time short forces have a large mean; twice
         this time delays the report of a fault that single frames do not show
-    least_share: share of mean_s that the frames must cover, and of the frames that must show a node [1]; choice
+    least_share: least share of mean_s that the frames cover, and least share of frames that show a node [1]; choice
     often: expected share of the time in which a short force acts on a node [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -62,7 +62,7 @@ class Balance:
     """Mean external force on the marked nodes, computed from the measured positions.
 
     nodes: the k marked nodes that were visible; force: mean external force on each of these nodes [N], (k, dim)
-    cov: covariance of this force if the model is right [N²], (k dim, k dim)
+    cov: covariance that a right model predicts for this force [N²], (k dim, k dim)
     """
 
     nodes: tuple[str, ...]
@@ -77,16 +77,16 @@ class Balance:
 
 
 Calibration = Callable[[Floats], Floats]
-"""Function from points [m], (n, dim), to their shifts [m], (n, dim, n_directions), due to one standard deviation of
-each independent calibration error."""
+"""Function from points [m], (n, dim), to shifts [m], (n, dim, n_errors): the shift of each point if one of the
+independent calibration errors is one standard deviation."""
 
 
 class StaticBalance:
     """Test of a body's static balance from its marks, frame by frame.
 
-    If a force may drag a node for a long time (`TissueFilter.may_be_led`), the test gives no result.
+    The test gives no result if a force may drag a node for a long time, see `TissueFilter.may_be_led`.
 
-    uncertainty, calibration: errors of the constants, and calibration errors of the camera; None: no errors
+    uncertainty, calibration: errors of the constants and errors of the camera's calibration; None stands for no errors
     State: the marks of the last frames; cached matrices for each set of visible nodes.
     """
 
@@ -149,7 +149,7 @@ class StaticBalance:
         return Balance(nodes, force, cov + directions @ directions.T)
 
     def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
-        """External force f that the marks of one frame imply [N], (m,)."""
+        """External force f, see the module, from the marks of one frame [N], (m,)."""
         if nodes not in frame.forces:
             network, seen = self._network, self._condensed(nodes)
             x = self._rest[network.free].ravel()
@@ -184,7 +184,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """Time of a frame [s]; marks: its marks, by node; forces: cached external forces for each set of nodes."""
+    """A frame: its time [s], its marks by node, and cached external forces for each set of nodes."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -196,8 +196,8 @@ class _Condensed:
     """A body, condensed to the coordinates m of visible nodes, (n_m,); h: coordinates of hidden nodes, (n_h,).
 
     to_hidden: Kmh Khh^-1 [1], (n_m, n_h); stiffness: Kc [N/m], (n_m, n_m)
-    forces: change of the condensed forces by one standard deviation of each error of the constants [N], (n_m, any)
-    marks: shift of the coordinates m by one standard deviation of each calibration error [m], (n_m, any)
+    forces: change of the condensed forces if each error of the constants is one standard deviation [N], (n_m, any)
+    marks: shift of the coordinates m if each calibration error is one standard deviation [m], (n_m, any)
     """
 
     m: NDArray[np.int64]

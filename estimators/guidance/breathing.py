@@ -3,7 +3,7 @@
 The past estimates are called the track. For each period of a grid, a constant and some harmonics are fitted to the
 track by least squares with exponential forgetting. Each period is weighted by its likelihood, `exp(-misfit / 2)`. The
 prediction is the mixture over all periods. Errors of neighbouring frames are correlated. The misfit is therefore
-multiplied by the number of independent errors per frame.
+multiplied by the number of independent errors per frame, which is usually below 1.
 
 After a shift, a cough or a pause of breathing, the model may be wrong. Therefore each estimate is compared with the
 model's prediction before it is added to the track. The alternative to the model is that the target's distance from the
@@ -34,9 +34,9 @@ class BreathingSettings:
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
     alike_s: time after which a new error of the filter is independent of an old error [s]; choice
-    cycles: number of periods that the past estimates must cover before a breath is reported; choice
-    explained: share of the estimates' variance that a fit must explain before a breath is reported; choice
-    lasting_s: mean time until a target no longer moves as the model predicts [s]; choice
+    cycles: a breath is reported if the past estimates cover at least this number of its periods; choice
+    explained: a breath is reported if its fit explains at least this share of the estimates' variance; choice
+    lasting_s: mean time for which a target moves as the model predicts [s]; choice
     forgotten: if the probability that the model holds is below this, all past estimates are discarded; choice
     """
 
@@ -84,8 +84,8 @@ class Breath:
 class Breathing:
     """Predictor of a breathing target, updated frame by frame with a filter's estimates.
 
-    State: sums over past estimates with exponential forgetting; times of the first and the last estimate; the last fit;
-    the probability that the model holds; the target's departure from the model [m], (dim,), and its covariance.
+    State: sums over past estimates with exponential forgetting; times of first and last estimate; last fit; probability
+    that the model holds; vector from the model's prediction to the target [m], (dim,), and its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -111,7 +111,7 @@ class Breathing:
         self._walk, self._walk_cov = np.zeros(self.dim), np.zeros((self.dim, self.dim))
 
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Add a filter's estimate of the target at a time [s]: mean [m], (dim,), and covariance [m²], (dim, dim).
+        """Add a filter's estimate of the target at a time [s]: its mean [m], (dim,), and covariance [m²], (dim, dim).
 
         Raises ValueError if the time does not increase, if the dimension differs, or if a number is not finite.
         """
@@ -169,10 +169,10 @@ class Breathing:
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
 
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Update the probability that the model holds, and the target's departure from the model.
+        """Update the probability that the model holds, and the vector from the model's prediction to the target.
 
-        A Kalman filter tracks the departure, which is a random walk. The variance of the process noise over one period
-        equals the variance of the past estimates. All estimates within `alike_s` count as one independent estimate.
+        A Kalman filter tracks this vector, a random walk. In one period, the variance of the walk grows by the variance
+        of the past estimates. All estimates within `alike_s` count as one independent estimate.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -198,7 +198,7 @@ class Breathing:
         return np.concatenate([np.ones((*angle.shape, 1)), np.cos(turns), np.sin(turns)], axis=-1)
 
     def _fitted(self) -> tuple[Floats, Floats, Breath]:
-        """Coefficients at all periods [m], (n_periods, n, dim), covariances [m²], (n_periods, n, n), and the breath."""
+        """All fits: coefficients [m], (n_periods, n, dim), covariances [m²], (n_periods, n, n); and the breath."""
         if self._fit is None:
             n = self._information.shape[1]
             inverse = np.linalg.inv(self._information + RIDGE * np.eye(n))

@@ -23,9 +23,9 @@ class ContradictionSettings:
     away_s: if a mark was not used for longer than this time, it is tested when it is used again [s]; choice
     improbable: p-value below which innovations contradict the model [1]; choice
     unbalanced: p-value below which a persistent force contradicts the model, see `Balance.probability` [1]; choice
-    together: a common shift of all marks is reported if the likelihood of one wrong mark, divided by the likelihood of
-        the shift, is below this [1]; 0: no shift is reported. Measured: while a short force moves a node with 15 m/s²,
-        the quotient is at least 1e-4. If all marks, accurate to 1 mm, shift by 8 mm, the quotient is at most 1e-7
+    together: a common shift of all marks is reported if the likelihood of one wrong mark is below this times the
+        likelihood of the shift [1]; 0: no report. Measured: if a short force moves a node with 15 m/s², the ratio of
+        both is at least 1e-4. If all marks, accurate to 1 mm, shift by 8 mm, the ratio is at most 1e-7
     """
 
     away_s: float = 0.2
@@ -54,7 +54,7 @@ class Contradiction:
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Update with the estimate of a frame; balance: static balance of this frame's marks, None to omit its test."""
+        """Update with the estimate of a frame; balance: static balance of its marks, or None to omit this test."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
@@ -62,7 +62,7 @@ class Contradiction:
     def _together(self, estimate: TargetEstimate) -> str | None:
         """The reason, in words, if a common shift of all marks explains the innovations, but one wrong mark does not.
 
-        Otherwise None. During initialisation also None, because the tissue's velocity is then unknown.
+        The result is otherwise None. It is also None during initialisation, when the tissue's velocity is unknown.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

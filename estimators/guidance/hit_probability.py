@@ -61,8 +61,8 @@ def best_aim(
 
     tip_cov: covariance of the tip [m²], (dim, dim); axis: direction of the needle, (dim,)
     For a Gaussian target, the best aim is the mean, because the set of positions that hit is convex and symmetric
-    [anderson1955]. For a mixture, the hit probability may have several maxima. Therefore one search starts from each
-    mean and one from the overall mean, and the result is the best aim of all searches.
+    [anderson1955]. For a mixture, the hit probability may have several maxima. Therefore one search starts from the
+    mean of each part, and another from the overall mean. The result is the best aim of all searches.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)

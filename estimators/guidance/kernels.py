@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """The probability of `_disc` for two coordinates y across the needle; m, s, slope: an entry for each y, (2,)."""
+    """Probability of `_disc` in space: y has two coordinates across the needle, and m, s, slope have two entries."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -143,7 +143,7 @@ def rotation_of(C, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _frame(w):  # type: ignore[no-untyped-def]
-    """Orthonormal basis as columns (d, d); the last column is the unit vector w (d,)."""
+    """Orthonormal basis, with its vectors as columns (d, d); the last one is the unit vector w (d,)."""
     d = w.shape[0]
     F = np.zeros((d, d))
     if d == 2:
@@ -244,7 +244,7 @@ def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
-    """Mean of the path at time t, which lies in interval j; cubic interpolation, slopes from neighbouring points."""
+    """Mean of the path at a time t in interval j, by cubic interpolation with slopes from the adjacent intervals."""
     n, d = means.shape
     step = times[j + 1] - times[j]
     u = (t - times[j]) / step
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is as deep as the target; aimed: whether the needle turns to the target."""
+    """Depth of the tip at which the notch is level with the target; aimed: whether the needle is turned towards it."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])

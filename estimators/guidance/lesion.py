@@ -15,7 +15,7 @@ class Lesion:
     """A lesion around the target: the ellipsoid of all points x with ‖axes⁻¹ (x - target)‖ <= 1.
 
     axes: matrix whose columns are the semi-axes [m], (dim, dim); for a ball, the identity times the radius
-    Raises ValueError if the semi-axes do not span the plane or space.
+    Raises ValueError if the semi-axes are linearly dependent.
     """
 
     axes: Floats
@@ -56,7 +56,7 @@ class Lesion:
         return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
 
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
-        """Length of the part of each segment that lies in the lesion [m], (n,).
+        """Length of each of n parallel segments inside the lesion [m], (n,).
 
         offsets: middles of the segments relative to the target [m], (n, dim)
         axis: unit vector along all segments, (dim,); length_m: common length of the segments [m]

@@ -1,4 +1,4 @@
-"""Needle: dimensions, definition of a hit, uncertainty of the tip, position and speed."""
+"""A needle (dimensions, part that has to hit, uncertainty of the tip) and its insertion (entry, axis, speed, depth)."""
 
 from __future__ import annotations
 
@@ -114,9 +114,10 @@ class Insertion:
         """The insertion of a needle whose tip and direction a tracker has measured.
 
         tip: measured position of the tip [m], (dim,); axis: measured direction, of any length, (dim,)
-        The skin is the plane through this insertion's entry, perpendicular to its axis. If the tip is in front of the
-        skin, the depth is 0. If the measured direction differs from this insertion's axis by more than 60 degrees, the
-        depth is computed as if the angle were 60 degrees. Raises ValueError for a direction without length.
+        The skin is the plane through this insertion's entry, perpendicular to this insertion's axis. If the tip is in
+        front of the skin, the depth is 0. If the measured direction differs from this insertion's axis by more than 60
+        degrees, the depth is computed as if the angle were 60 degrees. Raises ValueError for a direction without
+        length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

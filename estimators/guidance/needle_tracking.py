@@ -21,8 +21,8 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: density of the acceleration noise along the needle [m/s²/sqrt(Hz)]; choice: after one second, the
-        standard deviation of the speed has grown by 10 mm/s
+    acceleration: density of the acceleration noise along the needle [m/s²/sqrt(Hz)]; choice: in one second, this noise
+        changes the speed by a random value with a standard deviation of 10 mm/s
     bending: density of the velocity noise across the needle [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
@@ -43,7 +43,7 @@ class Arrival:
 class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
-    entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
+    entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, of any length, (dim,)
     State: the time of the estimate [s]; mean x and covariance P of the tip's position [m] and its speed along the line
     [m/s], (dim + 1,) and (dim + 1, dim + 1); the normalised innovation squared of the last measurement.
     Raises ValueError for a direction without length.

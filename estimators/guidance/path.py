@@ -1,8 +1,8 @@
 """Predicted path of the target. If the body is near rest, tables give a fast prediction; otherwise the filter predicts.
 
-Usually no short force acts on the tissue before the needle arrives. A single Gaussian would be too wide if no short
-force acts, and too narrow if one acts. The path is therefore a mixture of three cases: (1) all forces stay constant;
-(2) a short force acts, or a slow force becomes stronger; (3) a force drags a node to another place.
+A short force may act on the tissue before the needle arrives, but usually none does. A single Gaussian would be too
+narrow if one acts, and too wide if none acts. The path is therefore a mixture of three cases: (1) all forces stay
+constant; (2) a short force acts, or a slow force becomes stronger; (3) a force drags a node to another place.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ TURNED = 0.35
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
-"""Probability below which a part of the mixture is omitted, because rounding errors would dominate it; numerical."""
+"""A part of the mixture with a smaller probability is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""The tables are long enough for a target that lies this much farther from the entry than at rest [m]; choice."""
+"""The tables last long enough for a target that is this much farther from the entry than at rest [m]; choice."""
 
 MOST_S = 30.0
 """Longest time that the tables cover, even for a slow needle [s]; choice."""
@@ -52,7 +52,7 @@ class PathParts:
 class TargetPath:
     """Predicted path of a target: increasing times [s], (k,); means [m], (k, dim); covariances [m²], (k, dim, dim).
 
-    mixture: distribution of the target at each time; None if this distribution is Gaussian
+    mixture: distribution of the target at each time; None for a Gaussian
     """
 
     times_s: Floats
@@ -99,12 +99,12 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """The target's mean [m], (dim,), and covariance [m²], (dim, dim), as if `TargetPoint.offset_m` had no error."""
+    """Mean [m], (dim,), and covariance [m²], (dim, dim), of the target, as if `TargetPoint.offset_m` were exact."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
-    """Means [m], (k, dim), and covariances [m²], (k, dim, dim), of the target, predicted by the breathing model."""
+    """Means [m], (k, dim), and covariances [m²], (k, dim, dim), that the breathing model predicts for the target."""
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov
 
@@ -132,12 +132,12 @@ def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, set
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time [s] until the part of the needle that has to hit reaches the depth distance_m; 0 if this part is deeper."""
+    """Time [s] until the part of the needle that has to hit is at a depth of distance_m; 0 if this part is deeper."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables for predictions over the next ahead_s [s], at any time at which the body is near rest."""
+    """Tables for predictions over ahead_s [s]. They are valid at any time at which the body is near rest."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
@@ -147,15 +147,15 @@ def _times_until(ahead_s: float, cycle_s: float) -> int:
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The predicted path at all times of the tables. Raises ValueError before the filter's first frame."""
+    """The predicted path at all times of the tables. Raises ValueError if the filter has seen no frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The predicted path over the requested times [s], (k,).
+    """The predicted path, which covers the requested times [s], (k,).
 
-    If the body is near rest and the tables are long enough, the path has the times of the tables, which begin at the
-    filter's time. Otherwise the filter predicts the path at the requested times.
+    If the body is near rest and the tables are long enough, the tables give the path. The path then has the times of
+    the tables, which begin at the filter's time. Otherwise the filter predicts the path at the requested times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -201,7 +201,7 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
     """Mixture from nested cases. Each case has probabilities (k,), means (k, dim) and covariances (k, dim, dim).
 
-    Case i includes case i - 1, and the last case has probability 1. Part i of the mixture is case i without case i - 1.
+    If case i - 1 is true, so is case i. The last case is always true. Part i: case i is true, but case i - 1 is not.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

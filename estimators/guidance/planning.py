@@ -21,12 +21,12 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
-"""Number of fixed-point iterations that find the displaced target; numerical: the error for the phantom is 0.3 µm. Half
-or twice as many iterations change all hit probabilities by less than 0.1 %."""
+"""Number of fixed-point iterations that find the displaced target; numerical: for the phantom, its position then has an
+error of 0.3 µm. Half or twice as many iterations change all hit probabilities by less than 0.1 %."""
 
 SAME = 3
-"""Number of decimals with which hit probabilities are compared and shown. If two paths have equal probabilities, the
-path with more clearance ranks first. For the phantom, two to six decimals give the same best path."""
+"""Number of decimals to which hit probabilities are rounded for comparison and display. Of two paths with equal rounded
+probabilities, the one with more clearance ranks first. For the phantom, two to six decimals give the same best path."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +135,7 @@ class Plan:
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """Displacement of the target near rest, per unit force on each of n free coordinates [m/N], (dim, n)."""
+    """Displacement of the target near rest due to a unit force on each of n free coordinates [m/N], (dim, n)."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -143,7 +143,7 @@ def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
 def needle_displacement(
     network: MassSpringNetwork, C: Floats, needle: PlannedNeedle, tips: ArrayLike, entries: ArrayLike
 ) -> Floats:
-    """Displacement of the target by each of n needles [m], (n, dim).
+    """Displacement of the target that each of n needles causes [m], (n, dim).
 
     C: result of `compliance` for the target [m/N]; tips, entries: ends of the needles [m], (n, dim)
     """
@@ -167,10 +167,10 @@ def candidate_paths(
     entries: Floats,
     n_aims: int = 5,
 ) -> tuple[Floats, Floats]:
-    """Entries and tips of candidate paths [m], `(n * n_aims, dim)` each: n_aims paths from each of n entries.
+    """Candidate paths from n entries, n_aims paths from each. Returns entries and tips [m], `(n * n_aims, dim)` each.
 
     entries: points where a needle may enter [m], (n, dim); n_aims: an odd number. From each entry, one path aims at the
-    centre of the displaced target. The other paths aim at points within 0.6 times the lesion's radius of this centre.
+        centre of the displaced target, the others at points up to 0.6 times the lesion's radius beside it.
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)

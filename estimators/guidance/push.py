@@ -13,10 +13,10 @@ from estimators.process.target import TargetPoint, target_map
 
 
 class NeedlePush:
-    """Predicted displacement of the target by a needle's forces, to first order about rest [dimaio2003].
+    """Predicted displacement of the target by the needle's forces, linearised about rest [dimaio2003].
 
-    If the needle is already inside, the marks show the displacement so far, and only the further displacement is
-    predicted. For a body without anchors, no displacement is predicted.
+    If the needle is already inside, the marks show its effect so far. Only the further displacement is then predicted.
+    For a body without anchors, no displacement is predicted.
 
     target: a node's name or a point of the tissue; needle: constants of the needle's forces
     """
@@ -32,7 +32,7 @@ class NeedlePush:
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """Further displacement of the target [m], (dim,), until the tip is as deep as the target at rest."""
+        """Further displacement of the target [m], (dim,), while the tip advances to the depth of the target at rest."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)
@@ -43,6 +43,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """The path displaced by `shift`; the uncertainty of the needle's forces is added to the covariance."""
+        """The path after the displacement `shift`. The uncertainty of the needle's forces increases the covariances."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

@@ -31,7 +31,7 @@ class OutOfTimeError(Exception):
 class Progress:
     """Completed share of a search: number of processed frames, divided by the expected number.
 
-    Passes in this process are counted frame by frame. A pass in a worker process is counted as a whole, on its return.
+    Passes in this process are counted frame by frame. A pass in a worker process is counted after it has returned.
 
     State: `seen`, number of processed frames; `returned`, number of frames of the passes that have returned.
     """
@@ -46,7 +46,7 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count the frames of filter passes that have returned, except those that `frame` has already counted."""
+        """Count the frames of completed filter passes. Frames that `frame` has counted are not counted again."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)
@@ -70,7 +70,7 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """A budget with the same start and limit, whose `check` also calls `on_check`, but not in a worker process."""
+        """A budget with the same start and limit. Its `check` also calls `on_check`, except in a worker process."""
         some = self.part(1.0)
         some._on_check = on_check
         return some

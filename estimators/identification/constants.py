@@ -1,8 +1,8 @@
 """Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
 The estimation is a Gauss-Newton search on the innovations of the marks that the filter does not use. The filter treats
-the constants as exact. It also computes the sensitivity `T` of each innovation to the constants. If the constants have
-the errors `theta`, an innovation is `T theta` plus noise with the innovation covariance. Source: [friedland1969].
+the constants as exact. It also computes the sensitivity `T` of each innovation to the constants. Errors `theta` of the
+constants add `T theta` to an innovation. The rest is noise with the innovation covariance. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Largest change of the log of a constant from its given value to a start of the search, by kind; choice: a factor of
-three, but 10 % for rest lengths, because they are measured in a picture."""
+"""Largest difference between the log of a constant at a start of the search and the log of its given value, by kind;
+choice: a factor of three, but 10 % for rest lengths, because they are measured in a picture."""
 
 START_SDS = 4.0
-"""Upper limit of `START_SPREAD` in prior standard deviations [1]; choice. The limit matters if the prior is narrow."""
+"""Largest distance of a start from the given constants, in prior standard deviations; choice; see `START_SPREAD`."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """Settings of the identification.
 
-    kept: share of the target's variance due to the constants that the reduced uncertainty has to explain; choice
+    kept: the reduced uncertainty has to cause at least this share of the target's variance due to the constants; choice
     n_starts: number of searches from different starts; the first search starts at the given constants; choice
     """
 
@@ -63,7 +63,7 @@ class IdentificationResult:
 
     network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
-    cov: covariance of the logs, (n, n); larger if innovations are correlated or if different results are equally good
+    cov: covariance of the logs, (n, n); correlated innovations and several equally good results increase it
     prior_sd: prior standard deviations of the logs, (n,)
     uncertainty: uncertainty of the constants, reduced to the few directions that matter for the target
     passes: number of filter passes; converged: whether the search ended within its tolerance
@@ -164,7 +164,7 @@ def identify_constants(
 class _Found:
     """Result of the searches from all starts.
 
-    before: filter pass with the given constants; n_agreeing: number of starts that led to the best constants
+    before: pass with the constants before the search; n_agreeing: number of starts that led to the best constants
     used: the used frames; left_open: see `determined.left_open`, (n, n)
     """
 
@@ -179,10 +179,10 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """Search from several starts with a part of the frames, then from the best result with all frames.
+    """Search from several starts with a part of the frames, then continue with all frames.
 
-    If, with all frames, the given constants are more probable than this best result, the second search starts from the
-    given constants. Raises OutOfTimeError.
+    The second search starts from the best result of the first search, or from the given constants if these are more
+    probable with all frames. Raises OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -291,7 +291,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """Reduce an uncertainty to the largest principal axes of `effect`, (n, n), with the share `kept` of its trace."""
+    """Keep the largest principal axes of `effect`, (n, n): the fewest that contain the share `kept` of its trace."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -24,12 +24,12 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Discrepancy of the model if `FilterSettings.discrepancy` is None [1]; choice: a discrepancy that is estimated from
-the marks would be too large, because it would also explain wrong constants."""
+"""Discrepancy of the model if `FilterSettings.discrepancy` is None [1]; choice. A discrepancy that is estimated from
+the marks would be too large here, because wrong constants increase it."""
 
 SMALL = 1e-3
-"""Factor by which the standard deviations of the constants are multiplied in the filter [1]; numerical. With so small
-deviations, the filter has practically the gains for exact constants."""
+"""Factor by which the standard deviations of the constants are multiplied in the filter [1]; numerical. Then the gains
+of the filter are practically those for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class Pass:
     scores: derivatives of each frame's log likelihood along the directions, (n_frames, n)
     information: Fisher information, (n, n); log_likelihood: log likelihood of all frames
     nis: normalised innovation squared of each frame, (n_frames,); dof: degrees of freedom of nis, (n_frames,)
-    effect: sum of `T' T` over the frames [m²], (n, n); column of T: derivative of the target's error by direction
+    effect: sum of `T' T` over the frames [m²], (n, n); columns of T: derivatives of the target's error along directions
     target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark
     """
 
@@ -60,7 +60,7 @@ class Pass:
 
 
 def failed_pass(n: int) -> Pass:
-    """Pass with likelihood zero and no information, for constants with which the filter fails numerically."""
+    """Result of a pass in which the filter fails numerically: likelihood zero and no information on n directions."""
     none = np.zeros((n, n))
     return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 
@@ -76,7 +76,7 @@ def pass_through(
     """Run the filter through the frames as if the constants were exact.
 
     nodes: marked nodes, and the target. Raises OutOfTimeError.
-    For the state x and a constant c, the derivative of the error of x by c is `cov(x, c) / var(c)` [friedland1969].
+    The derivative of the error of a state x with respect to a constant c is `cov(x, c) / var(c)` [friedland1969].
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

@@ -21,11 +21,11 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Largest number of groups of one kind of constant, unless the springs have group names. A recording of half a minute
-determines about twenty combinations of constants, and each group adds a state to the filter."""
+"""Largest number of groups of one kind of constant, unless the springs have group names. Each group adds a state to the
+filter, but half a minute of recording determines only about twenty combinations of constants."""
 
 LEAST_REST = 0.1
-"""A lower stiffness needs a smaller rest length for the same tension. This is the smallest factor for a rest length."""
+"""Smallest factor for a rest length [1]. Lower stiffness needs a smaller rest length for the same tension."""
 
 SAME_DIGITS = 9
 """Constants of one kind are equal if they agree to this number of significant digits, as many as in a scene file."""
@@ -51,8 +51,8 @@ def constant_groups(
     """Groups of the positive constants of these kinds. All constants of a group are estimated with one factor.
 
     spring_groups: name of each spring's group, (n_springs,); a spring with an empty name is a group of its own
-    If no spring has a name, and there are at most `MOST_SINGLE` springs, each spring is a group. More springs form
-    groups of equal stiffness. More than `MOST_SINGLE` such groups become one group. The same rules apply to nodes.
+    If all names are empty, up to `MOST_SINGLE` springs are groups of their own. More springs form groups of equal
+    stiffness, and more than `MOST_SINGLE` such groups become one group. Nodes follow the same rules.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -79,7 +79,7 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: relative error of the drawn shape [1]. The result for groups of several rest lengths does not exceed it.
+    strain: relative error of the drawn shape [1]; upper limit of the result for a group of several rest lengths
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)
@@ -99,8 +99,8 @@ def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
     """The network with the constants of each group multiplied by exp(change), (n_groups,).
 
-    If a factor changes the stiffness of several springs, their rest lengths also change, so that their tensions in the
-    drawn shape stay constant. If a tissue is at rest in the drawn shape, it therefore remains at rest in this shape.
+    If a factor changes the stiffness of several springs, their rest lengths also change. The tensions in the drawn
+    shape then stay constant, and a tissue that is at rest in the drawn shape remains at rest.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)
@@ -121,7 +121,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
 
 
 def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:
-    """Derivatives of the logs of n constants with respect to the logs of the groups' factors, (n_groups, n)."""
+    """Derivatives of the logs of n constants with respect to the log of each group's factor, (n_groups, n)."""
     column = {one: k for k, one in enumerate(which)}
     drawn = _drawn_lengths(network)
     directions = np.zeros((len(groups), len(which)))

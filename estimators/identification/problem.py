@@ -16,8 +16,8 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames with which the search starts; choice: fewer frames do not contain half an oscillation of
-the phantom. All frames are then used to improve the best result."""
+"""Largest number of consecutive frames for the searches from all starts; choice: fewer frames do not contain half an
+oscillation of the phantom. The best result is then improved with all frames."""
 
 PASSES_A_SEARCH = 6
 """Expected number of filter passes of a search. The reported progress and the used frames depend on this number."""
@@ -25,7 +25,7 @@ PASSES_A_SEARCH = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Estimation problem of a recording. The unknowns theta, (n,), are the logs of the groups' factors, divided by sd.
+    """Estimation problem of a recording. Unknown theta, (n,): log of each group's factor, divided by its entry of sd.
 
     sd: prior standard deviation of each log, (n,); nodes: the marked nodes, and the target
     """
@@ -42,7 +42,7 @@ class Problem:
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Uncertainty of the constants; rows: k independent errors with one entry per group, (k, n_groups)."""
+        """Uncertainty of the constants; rows: change of each group's log factor by each of k errors, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
@@ -57,7 +57,7 @@ class Problem:
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """How many starts, and which frames, the time allows. Raises OutOfTimeError if the time allows no start."""
+        """Number of starts that fit into the time, and frames to use. Raises OutOfTimeError if no start fits."""
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)
         n_passes = PASSES_A_SEARCH + 1

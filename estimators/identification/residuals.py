@@ -22,7 +22,7 @@ class ResidualTest:
     """Test of the innovations of the marks that the filter did not use, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
-    inflation: in the worst direction, standard error divided by the standard error for independent frames [1]
+    inflation: largest ratio of a standard error to the one for independent frames, of all combinations of constants [1]
     n: number of innovations; n_effective: number of independent innovations that would contain as much information
     explained: whether sampling error alone explains the size
     """
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    `J` is the long-run covariance of the scores, `I` the Fisher information, and `1` the unit matrix, which is the
-    information of the prior. The factor is the largest eigenvalue of `(I + 1)⁻¹ (J + 1)`. Differs from [pauli2011],
-    which takes the mean eigenvalue: the information along one direction may be due to errors of the model alone.
+    The factor is the largest eigenvalue of `(I + 1)⁻¹ (J + 1)`: `J` is the long-run covariance of the scores, `I` the
+    Fisher information, and the unit matrix `1` the information of the prior. [pauli2011] takes the mean eigenvalue, but
+    the information along one direction may be due to errors of the model alone.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -50,7 +50,7 @@ def times_counted(found: Pass) -> float:
 
 
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
-    """Covariance (n, n) of the constants at the optimum, in prior standard deviations, and the test of the residuals.
+    """Covariance of the constants in prior standard deviations at the optimum, (n, n), and the test of the residuals.
 
     The inverse covariance is the Fisher information, divided by `times_counted`, plus a unit matrix for the prior.
     """
@@ -72,7 +72,7 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
 
     theta, cov: estimated constants, (n,), and their covariance, (n, n), in prior standard deviations
     If the recording contained no information, the constants would differ from theta with the mean square
-    `B = 1 + theta theta'`. Along each common axis of cov and `B`, the result is the smaller of both.
+    `B = 1 + theta theta'`. Generalised eigenvectors diagonalise cov and `B`. Along each, the smaller variance is kept.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)
@@ -88,9 +88,9 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:
-    """Covariance, (n, n), of the sum of k vectors, (k, n), that are correlated over at most n_lags steps.
+    """Covariance of the sum of k vectors, (n, n). Vectors that are more than n_lags steps apart count as uncorrelated.
 
-    Source: [newey1987], equation (5).
+    series: the vectors, (k, n). Source: [newey1987], equation (5).
     """
     z = series - series.mean(axis=0)
     total = z.T @ z

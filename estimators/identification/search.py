@@ -17,14 +17,14 @@ MOST_PASSES = 24
 """Largest number of passes of a search; choice: a search usually takes three to eight, more for a bad start."""
 
 CONVERGED = 0.2
-"""Step below which a search ends, in standard errors of each constant. The remaining distance adds at most 2 % to a
-constant's error."""
+"""A search ends if the next step of each constant is below this number of its standard errors [1]. The remaining
+distance adds at most 2 % to the constant's error."""
 
 AGREEING = 1.0
 """Two results agree if each constant differs by less than this number of standard errors."""
 
 LONGEST_STEP = 4.0
-"""Largest factor by which a Gauss-Newton step is multiplied [1]; numerical."""
+"""Largest factor by which a Gauss-Newton step is lengthened [1]; numerical."""
 
 LONGEST_MOVE = 1.0
 """Longest step of the logarithm of a constant: a factor of e. The linear model of a longer step would be invalid."""
@@ -40,7 +40,7 @@ At = Callable[[Floats], Pass]
 class Optimum:
     """Result of a search; theta: log of the best factor of each group, in prior standard deviations, (n,).
 
-    found: filter pass with theta; at_start: filter pass with the starting point; passes: number of passes
+    found, at_start: filter passes with the result and with the starting point; passes: number of passes
     converged: whether the next step is below `CONVERGED`; in_time: False if the time ended during the search
     times: number by which the log likelihood is divided [1], see `times_counted`
     """
@@ -59,7 +59,7 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """Log posterior of theta, up to a constant, with the log likelihood divided by the given `times` [1]."""
+        """Log posterior of theta, up to a constant. The log likelihood is first divided by `times` [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
@@ -74,7 +74,7 @@ class Optimum:
 
 
 def starts(spread: Floats, n: int) -> Floats:
-    """Starting points, (n, n_constants): zeros, then Sobol points between -spread and spread, (n_constants,)."""
+    """Starting points, (n, n_constants): zeros, then Sobol points from -spread to spread; spread: (n_constants,)."""
     if n == 1:
         return np.zeros((1, len(spread)))
     sobol = qmc.Sobol(len(spread), seed=START_SEED).random_base2(max(0, int(np.ceil(np.log2(n - 1)))))
@@ -88,7 +88,7 @@ def begun(at: At, start: Floats) -> Optimum:
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The result with the highest posterior. The comparison uses the smallest `Optimum.times` for all results."""
+    """The result with the highest posterior. All log likelihoods are divided by the smallest `Optimum.times` of all."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
@@ -140,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """Results in order of the starts, until a search ran out of time. Raises OutOfTimeError if there is no result."""
+    """Results in order of the starts, up to the first search without result. Raises OutOfTimeError if there is none."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

@@ -20,11 +20,11 @@ STRAINS = (0.002, 0.003, 0.01, 0.03)
 """Values of the model's discrepancy that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
-"""Smallest discrepancy of a model whose constants were not identified [1]; measured: docs/filter.md. The marks do not
+"""Lower limit of the discrepancy if the constants were not identified [1]; measured: docs/filter.md. The marks do not
 show how well such a model predicts the target."""
 
 REFUTED = 3.0
-"""A discrepancy is rejected if its log likelihood is more than this below the largest log likelihood [1]; choice."""
+"""A discrepancy is rejected if its log likelihood is below the largest log likelihood by more than this [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,14 +88,13 @@ def tune_strain(
 ) -> TuningResult:
     """Estimate a model's discrepancy from a recording: the largest value of `STRAINS` that the marks do not reject.
 
-    The log likelihood is a sum over all marks: the log density of each mark, given the other marks of its frame. This
-    sum shows how well the marks predict a hidden position. The joint density of all marks would hardly show this.
+    The log likelihood is the sum of the log densities of all marks, each given the other marks of its frame. This sum
+    shows how well the marks predict a hidden position. The joint density of all marks would hardly show this.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
-    uncertainty: uncertainty of the constants
-    budget: time limit; workers: `map`, or the map function of a pool of processes
-    advance: called with the completed share
+    uncertainty: uncertainty of the constants; budget: time limit
     is_identified: whether the constants were estimated from this tissue; if False, the result is at least `UNSEEN`
+    workers: `map`, or the map function of a pool of processes; advance: called with the completed share of the work
     Raises IdentificationError if the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
@@ -128,7 +127,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a variable with a uniform prior; logs: its log likelihood at each of the values places."""
+    """Standard deviation of a variable with a uniform prior, from its log likelihoods `logs` at the values `places`."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

@@ -60,7 +60,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """Frames that the remaining time allows for n_passes passes: all frames, or as many as possible of the `liveliest`.
+    """All frames if the remaining time allows n_passes passes, otherwise as many as it allows, chosen by `liveliest`.
 
     frame_s: computing time of a pass, per frame [s]; reserved_s: time reserved for other work [s]
     Raises OutOfTimeError if the time is too short for `LEAST_FRAMES` frames.
