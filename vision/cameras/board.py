@@ -75,7 +75,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Detected corners of a board; board_m: in board axes [m], (n, 3); seen_px: in the picture [px], (n, 2)."""
+    """Corners of a board. board_m: positions in board axes [m], (n, 3); seen_px: detected positions [px], (n, 2)."""
 
     board_m: Floats
     seen_px: Floats
@@ -89,7 +89,7 @@ def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAU
     """Corners of a board in a picture; None if the board is not found.
 
     image: (height, width) grey or (height, width, 3) BGR
-    A chessboard must be completely visible. A ChArUco board needs settings.fewest_corners corners, not all on one line.
+    A chessboard must be completely visible. A ChArUco board needs settings.fewest_corners corners, not all collinear.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
@@ -135,7 +135,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """Mirror or turn the grid of corners, so that the corners have the order of `Board.corners_m`."""
+    """Mirror or turn the grid of corners where needed, so that the corners have the order of `Board.corners_m`."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

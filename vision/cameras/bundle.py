@@ -33,7 +33,7 @@ class Sighting:
     """The corners of one board in the picture of one camera.
 
     camera, board: indices of the camera and of the board in `Setup`
-    board_m: the corners in board axes [m], (n, 3); seen_px: in the picture [px], (n, 2)
+    board_m: the corners in board axes [m], (n, 3); seen_px: the detected corners in the picture [px], (n, 2)
     """
 
     camera: int
@@ -51,7 +51,7 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """The setup after a change of its parameters. The board with index `plane` does not move.
+        """The setup after a change of its parameters. The pose of the board with index `plane` does not change.
 
         step: changes of the 15 parameters of each camera, then of the 6 parameters of each board except `plane`, (n,)
         """
@@ -74,9 +74,8 @@ class Adjusted:
 
     setup: fitted cameras and boards
     residuals_px: detected minus expected corners of each sighting [px], each (n, 2)
-    cov: marginal covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras).
-        The parameters of a camera are fx fy cx cy k1 k2 p1 p2 k3, a small rotation, applied from the left [rad], and a
-        translation [m].
+    cov: marginal covariance of the parameters of all cameras, (15 n_cameras, 15 n_cameras). The order of a camera's
+        parameters is the order of the columns of `Calibration.uncertainty`.
     """
 
     setup: Setup
@@ -88,8 +87,8 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
     """Least-squares fit of lenses, poses of cameras and poses of boards.
 
     plane: index of the board that defines the world; its pose is fixed
-    sds_px: standard deviation of the corners of each camera [px]. Only the ratios of these values matter, because the
-        residuals scale the covariance of the result.
+    sds_px: standard deviation of the corners of each camera [px]. Only the ratios of these values matter: the residuals
+        determine the scale of the covariance.
 
     Raises CalibrationError if the corners do not determine the parameters.
     """
@@ -120,12 +119,12 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
 
 
 def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Projection of world points, (n, 3) [m], to the picture, (n, 2) [px]."""
+    """Project world points [m], (n, 3), to the picture [px], (n, 2)."""
     return _projected(lens, camera, points_m)[0]
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of the projections of world points [m], (n, 3), along the camera axes [px/m], (n, 2, 3)."""
+    """Derivatives of projections with respect to points in camera axes [px/m], (n, 2, 3). points_m: in world axes."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -145,7 +144,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals with respect to the parameter step of `Setup.moved`, at step 0."""
+    """Jacobian of the weighted residuals at `setup`, with respect to the parameters that `Setup.moved` changes."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []
@@ -176,7 +175,7 @@ def _rotations(n_cameras: int, n_boards: int) -> list[int]:
 
 
 def _cross(vectors: Floats) -> Floats:
-    """The cross-product matrix of each of n vectors, (n, 3, 3). The matrix of v times x is v cross x."""
+    """Cross-product matrix of each of n vectors, (n, 3, 3): the matrix of v maps x to the cross product of v and x."""
     x, y, z = vectors.T
     o = np.zeros(len(vectors))
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)

@@ -46,10 +46,10 @@ class Calibration:
     lens: matrix and distortion k1 k2 p1 p2 k3
     plane_image: name of the picture whose board lies on the plane of the world
     pose: pose from world axes to camera axes
-    uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px],
-        k1 k2 p1 p2 k3, a small rotation in camera axes, applied from the left [rad], and a translation [m]. Each row is
-        the effect of one standard deviation of an independent error. If cameras were calibrated jointly, row i of each
-        camera's matrix belongs to the same error.
+    uncertainty: square root U of the covariance U'U of lens and pose, (n, 15). The columns are fx fy cx cy [px], k1 k2
+        p1 p2 k3 [1], a small rotation [rad] and a translation [m]. The rotation is in camera axes and applied from the
+        left. Each row is the effect of one standard deviation of an independent error. If cameras were calibrated
+        jointly, row i of each camera's matrix belongs to the same error.
     images_used: names of the used pictures; images_left_out: name and reason of each other picture, as "name: reason"
     views: for each used picture, the pose from board axes to camera axes
     seen_px: detected corners of each used picture [px], each (n, 2)
@@ -165,7 +165,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Pose from new to old world axes: a rotation about z by k 90°, with the new x axis to the right in the picture."""
+    """Pose from new to old world axes: rotation about z by a multiple of 90°. The new x points right in the picture."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]

@@ -14,12 +14,12 @@ from numba import njit
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Largest number of Newton steps of the undistortion. Four steps suffice for k1 = -0.3 at the picture's corner."""
+"""Largest number of Newton steps of the undistortion. For k1 = -0.3, four steps suffice even in a picture's corner."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Rigid motion: x is mapped to rotation @ x + translation_m; rotation: (3, 3), translation_m: (3,) [m]."""
+    """Rigid motion of a point x to `rotation @ x + translation_m`. rotation: (3, 3); translation_m: [m], (3,)."""
 
     rotation: Floats
     translation_m: Floats
@@ -33,7 +33,7 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """A changed pose. step: rotation vector [rad], applied from the left, and shift of translation_m [m], (6,)."""
+        """A changed pose. step, (6,): rotation vector that acts from the left [rad], and shift of translation_m [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
@@ -44,7 +44,7 @@ class Lens:
     matrix: camera matrix [px], (3, 3)
     distortion: 5 coefficients k1 k2 p1 p2 k3, or 8 with k4 k5 k6 appended, or 12 with s1 s2 s3 s4 also appended
 
-    The ideal position of a point is its position in the picture of a lens with this matrix and no distortion.
+    The ideal position of a point is its position in a picture without distortion, for the same camera matrix.
     """
 
     matrix: Floats
@@ -63,7 +63,7 @@ class Lens:
         return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
-        """Distorted positions, (n, 2), from ideal positions, (n, 2), and Jacobians of this map, (n, 2, 2)."""
+        """Distorted positions, (n, 2), and their derivatives with respect to ideal_px, (n, 2, 2). ideal_px: (n, 2)."""
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:

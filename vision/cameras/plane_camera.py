@@ -27,7 +27,7 @@ class PlaneCamera:
     name: name of the camera
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3); its scale is arbitrary
-    calibration_sd_px: standard deviation, on each axis, of a position error that is independent between marks [px]
+    calibration_sd_px: standard deviation on each axis of a position error that is independent for each mark [px]
     lens: lens whose distortion acts after the homography; None: no distortion
     calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
     scale_sd: relative standard deviation of the scale in millimetres per pixel [1]; None: not stated. All marks share
@@ -81,7 +81,7 @@ class PlaneCamera:
             object.__setattr__(self, key, value)
 
     def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
-        """The same camera with new plane axes. The point x in the new axes is the point R x + t in the present axes.
+        """The same camera with other plane axes. Point x in the new axes is point `R @ x + t` in the present axes.
 
         rotation: R, (2, 2); translation_m: t [m], (2,)
         """
@@ -90,20 +90,20 @@ class PlaneCamera:
         return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Project points on the plane [m], (n, 2), to the picture [px], (n, 2). Raises ValueError past the horizon."""
+        """Map plane points [m], (n, 2), to the picture [px], (n, 2). Raises ValueError for points past the horizon."""
         return self._seen(points_m)[0]
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Map positions in the picture [px], (n, 2), to the plane [m], (n, 2). Raises ValueError past the horizon."""
+        """Map pixels [px], (n, 2), to the plane [m], (n, 2). Raises ValueError for pixels past the horizon."""
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
-        """Map covariances at positions in the picture [px], (n, 2), from picture [px²] to plane [m²], (n, 2, 2)."""
+        """Map covariances in the picture [px²] to the plane [m²], each (n, 2, 2), at picture positions [px], (n, 2)."""
         J = self._seen_from(points_px)[1]
         return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def cov_to_px(self, points_m: ArrayLike, covs_m: ArrayLike) -> Floats:
-        """Map covariances at points on the plane [m], (n, 2), from plane [m²] to picture [px²], (n, 2, 2)."""
+        """Map covariances on the plane [m²] to the picture [px²], each (n, 2, 2), at plane points [m], (n, 2)."""
         J = self._seen(points_m)[1]
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
@@ -119,17 +119,17 @@ class PlaneCamera:
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
         """Shape of a ball's image [px], (2, 2), as in `Outline.shape_px`. The ball's centre lies on the plane.
 
-        The image is assumed to be a circle. The radius of the circle is the ball's radius times the largest singular
-        value of the projection's Jacobian, because the tilt of the plane does not foreshorten a ball.
+        The image is assumed to be a circle, because the tilt of the plane does not foreshorten a ball. The radius of
+        the circle is the ball's radius times the largest singular value of the projection's Jacobian.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Centre of each disc's image minus the image of the disc's centre [px], (n, 2).
+        """Centre of gravity of each disc's image, minus the projection of the disc's centre [px], (n, 2).
 
         Perspective and lens distortion cause this difference.
-        points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
+        points_m: centres of discs on the plane [m], (n, 2); radius_m: radius of each disc, (n,), or of all discs [m]
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -160,7 +160,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """Shift of each point of the plane [m], (n, 2), due to each calibration error [m], (n, 2, n_calibration)."""
+        """Shift of plane points due to each calibration error [m], (n, 2, n_calibration). points_m: [m], (n, 2)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         by_lens = self._lens_error(p)
         if not self.scale_sd:
@@ -183,7 +183,7 @@ class PlaneCamera:
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 
     def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Positions in the picture [px], (n, 2), of points on the plane, and Jacobians of the map [px/m], (n, 2, 2)."""
+        """Picture positions [px], (n, 2), and their derivatives with respect to points_m [px/m], (n, 2, 2)."""
         ideal, J = self._mapped(self.plane_to_px, points_m)
         if self.lens is None:
             return ideal, J
@@ -191,7 +191,7 @@ class PlaneCamera:
         return seen, bent @ J
 
     def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Points on the plane, (n, 2), from positions in the picture, (n, 2), and Jacobians of this map, (n, 2, 2)."""
+        """Points on the plane, (n, 2), and their derivatives with respect to points_px, (n, 2, 2)."""
         if self.lens is None:
             return self._mapped(self.px_to_plane, points_px)
         ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
@@ -199,7 +199,7 @@ class PlaneCamera:
         return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
 
     def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Map points by a homography. Returns the mapped points, (n, 2), and the Jacobian at each point, (n, 2, 2)."""
+        """Map points by a homography. Returns the results, (n, 2), and the map's Jacobians, (n, 2, 2)."""
         p = np.asarray(points, dtype=float).reshape(-1, 2)
         q = p @ homography[:, :2].T + homography[:, 2]
         w = q[:, 2:]
@@ -248,7 +248,7 @@ def fronto_parallel_camera(
 def posed_camera(
     name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()
 ) -> PlaneCamera:
-    """A camera with this lens and pose in front of the plane z = 0 of the world.
+    """A camera with this lens and pose. It looks at the plane z = 0 of the world.
 
     calibration: errors of lens and pose, (n, 15), as in `Calibration.uncertainty`
     """

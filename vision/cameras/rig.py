@@ -16,7 +16,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """The pictures of one camera, with their size [px].
+    """Pictures of one camera for a calibration. size_px: width and height of a picture [px].
 
     views: the pictures in which the board was found; left_out: "name: reason" of each other picture
     """
@@ -36,12 +36,12 @@ def calibrate_together(
 ) -> list[Calibration]:
     """Calibrate each camera alone, then all cameras jointly.
 
-    cameras: views of each camera. Between views of equal name, the board must not move.
+    cameras: views of each camera. Views of equal name must show the board in the same pose.
     plane: name of the picture whose board defines the world axes; default: the last picture that the first camera used.
         In the pictures of the first camera, the world's x axis points nearly to the right.
 
-    Raises CalibrationError in the cases of `calibrate`. Also raises it if the board looks equal after a half turn, if
-    no common pictures connect the cameras, or if pictures of equal name were not simultaneous.
+    Raises CalibrationError if `calibrate` raises it for a camera, if the board looks the same after a half turn, if no
+    common pictures connect the cameras, or if pictures of equal name were not simultaneous.
     """
     if not board.has_one_way_up:
         raise CalibrationError(
@@ -74,7 +74,7 @@ def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
 
 
 def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
-    """Initial poses of the cameras (world to camera), and of the boards (board to world) by the name of the picture."""
+    """Initial poses of the cameras (world to camera axes), and of the boards by picture name (board to world axes)."""
     boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
     poses: dict[int, Pose] = {}
     while len(poses) < len(alone):

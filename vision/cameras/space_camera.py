@@ -16,7 +16,7 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose, by_calibration
 
 RADII = np.linspace(0.02, 4.0, 200)
-"""Distances from mid-picture [half diagonals] at which a lens model is tested for being one-to-one; numerical."""
+"""Distances from mid-picture at which a test checks that a lens model is one-to-one [half diagonals]; numerical."""
 
 FAR_PX = 1e6
 """Largest distance from mid-picture at which distortion is computed [px]; numerical: beyond it, values may overflow."""
@@ -30,7 +30,7 @@ class SpaceCamera:
     size_px: width and height of its picture [px]
     lens: matrix and distortion
     pose: pose from world axes to camera axes
-    calibration_sd_px: standard deviation, on each axis, of a position error that is independent between marks [px]
+    calibration_sd_px: standard deviation on each axis of a position error that is independent for each mark [px]
     calibration: errors of lens and pose that all marks share, (n, 15), as in `Calibration.uncertainty`
 
     Raises ValueError that names the invalid field.
@@ -81,7 +81,7 @@ class SpaceCamera:
         return self._bent(ideal, depth)
 
     def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """Rays through positions in the picture [px], (n, 2): common origin [m], (3,), and unit directions, (n, 3)."""
+        """Rays through picture positions [px], (n, 2): origin of all rays [m], (3,), and unit directions, (n, 3)."""
         ideal = self.lens.ideal(np.array(points_px, dtype=float).reshape(-1, 2))
         ways = (ideal - self.lens.matrix[:2, 2]) / self.lens.matrix[[0, 1], [0, 1]]
         directions = np.column_stack([ways, np.ones(len(ways))]) @ self.pose.rotation
@@ -92,7 +92,7 @@ class SpaceCamera:
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Results of `in_view`, (n,), and of `seen` for points [m], (n, 3). Behind the camera, `seen` gives NaN."""
+        """Results of `in_view` and `seen` for points [m], (n, 3). Behind the camera, the results of `seen` are NaN."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -100,16 +100,16 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """Shape of a disc's image [px], (2, 2), as `Outline.shape_px`. point_m: disc centre [m], (3,); normal: (3,)."""
+        """Shape of a disc's image [px], (2, 2), see `Outline.shape_px`. point_m: centre [m], (3,); normal: (3,)."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """Shape of a ball's image [px], (2, 2), as `Outline.shape_px`. point_m: ball centre [m], (3,)."""
+        """Shape of a ball's image [px], (2, 2), see `Outline.shape_px`. point_m: ball centre [m], (3,)."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shifts of each projection [px], (n, 2, k): one shift for each of k small errors of lens and pose.
+        """Shift of each projection due to each of k small errors of lens and pose [px], (n, 2, k).
 
         points_m: the projected points [m], (n, 3); steps: the errors, (k, 15), as in `Calibration.uncertainty`
         """

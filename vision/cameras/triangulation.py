@@ -22,8 +22,8 @@ SETTLED_M = 1e-6
 """Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Largest rms shift of the projections that all omitted calibration errors cause together [px]; choice: a tenth of the
-error of a well visible mark. The omitted errors then add a hundredth to the variance of this error."""
+"""Largest rms shift of the projections due to all omitted calibration errors [px]; choice: a tenth of the position
+error of a well visible mark. The omitted errors then increase the variance of the position by a hundredth."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -35,8 +35,7 @@ class Seen:
 
     which: indices of the m points that the camera sees, each at most once, (m,)
     places_px, covs_px2: positions of these points in the picture [px], (m, 2), and their covariances [px²], (m, 2, 2)
-    steps: independent errors of the camera's lens and pose, each of one standard deviation, (n_shared, 15), as in
-        `calibration_steps`
+    steps: effect of each independent calibration error on lens and pose, (n_shared, 15), as in `calibration_steps`
     """
 
     camera: SpaceCamera
@@ -102,10 +101,10 @@ def triangulated(
 def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.inf) -> Triangulated:
     """Triangulate several points by Gauss-Newton steps.
 
-    start_m: initial positions of the points [m], (n, 3). Each is also a measurement of the point.
-    start_sd_m: standard deviation of start_m on each axis [m]. A good value is the size of the body: then start_m
-        hardly affects a point that two cameras see. If only one camera sees a point, the point's error along the
-        camera's ray is about start_sd_m.
+    start_m: initial positions of the points [m], (n, 3). They are also used as measurements of the points.
+    start_sd_m: standard deviation of these measurements on each axis [m]. A good value is the size of the body. With
+        this value, start_m hardly affects a point that two cameras see. If only one camera sees a point, the point's
+        error along the camera's ray is about start_sd_m.
 
     If a step would move a point behind one of its cameras, the point's misfit is inf.
     Raises ValueError if start_sd_m is infinite and fewer than two cameras see a point.
@@ -152,11 +151,11 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
 
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
-    """Calibration errors of several cameras: one array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
+    """Calibration errors of several cameras: an array (n_shared, 15) for each camera, as in `Calibration.uncertainty`.
 
-    Row i of each array belongs to the independent error i. If this error does not affect a camera, the row of
-    this camera is zero. If the calibrations of several cameras have the same number of rows, and this number exceeds
-    15, these cameras are assumed to share their errors.
+    There are n_shared independent errors in all. Row i of a camera's array is the effect of error i on this camera. If
+    error i does not affect the camera, row i is zero. Several cameras are assumed to share their errors if their fields
+    `calibration` have the same number of rows, and if this number exceeds 15.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -179,7 +178,7 @@ def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: 
     """Principal components of the calibration errors of several cameras.
 
     The result has one array (n_shared, 15) for each camera, like the result of `calibration_steps`. The components are
-    sorted by their effect on the projections of points.
+    sorted by their effect on the projections of points, and the last components are omitted.
     points_m: the points [m], (n, 3)
     least_px: largest rms shift of the projections that all omitted components cause together [px]
     """

@@ -1,4 +1,4 @@
-"""Centre of a mark: from its coverage and outline if these agree, otherwise from its rim or its outline alone.
+"""Centre of a mark: from its coverage and outline if their centres agree, otherwise from its rim or its outline alone.
 
 Image axes: u right, v down, in pixels from the corner of a patch.
 """
@@ -26,7 +26,7 @@ class Component:
     """Connected pixels that may be a mark.
 
     corner_px: position of the patch in the searched part, (2,); patch: pixels and surroundings, (h, w, 3) BGR
-    component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of the same class, else 0, (h, w)
+    component: 1 on the connected pixels, else 0, (h, w); others: 1 on other pixels of the colour class, else 0, (h, w)
     reach_px: longer side of the box around the pixels; clipped: whether the box touches the searched part's border
     """
 
@@ -40,7 +40,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Center:
-    """Centre of a mark relative to the patch's corner; fields as in `Detection`."""
+    """Centre of a mark relative to the patch's corner. The fields mean the same as in `Detection`."""
 
     center_px: Floats
     cov_px2: Floats
@@ -53,20 +53,20 @@ def centers_of(
 ) -> list[Center]:
     """Centres of the marks in a component. A component may be one mark, several touching marks, or no mark.
 
-    expected_px: expected positions of marks that lie on the component, relative to the patch's corner [px], each (2,)
+    expected_px: expected positions of marks on the component [px], each (2,), relative to the corner of piece.patch
     """
     factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factor on the covariance of an outline's centre, 1 or more. noise_sd: noise relative to the mark's contrast."""
+    """Factor of at least 1 on the covariance of an outline's centre. noise_sd: noise of alpha (0 to 1)."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """Centre of a mark's outline, if this centre agrees with the centre of the covered area; otherwise None."""
+    """Centre of a mark's fitted outline, if it agrees with the centre of the mark's visible area; otherwise None."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -104,7 +104,7 @@ def _by_outline(
 
 
 def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
-    """Centre of a mark from its rim; None if no rim is found. circles: the parameter starts of `fit_rim`."""
+    """Centre of a mark from its rim; None if no rim is found. circles: initial values, see `fit_rim`."""
     limits = settings.rim
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):

@@ -26,7 +26,7 @@ from vision.detection.settings import DETECTION, DetectionSettings
 BLOCK_AREA_PX = 8.0 * np.pi
 """A circle of at least this area [px] covers a whole block of 2 x 2 pixels at any position; source: geometry. Blocks
 begin at even coordinates. The circle's centre is at most sqrt(2) px from the middle of the nearest block. Each corner
-of this block is sqrt(2) px from its middle."""
+of a block is sqrt(2) px from the middle of this block."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -140,7 +140,7 @@ class _Search:
     rejected: list[Rejected] | None
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
-        """Detect the marks among the pixels inside a contour."""
+        """Detect the marks in the component that lies inside a contour."""
         piece = self._piece(contour, number, hue_deg)
         if piece is None:
             return []
@@ -178,7 +178,7 @@ class _Search:
         ]
 
     def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
-        """Outline of the nearest expected mark of this hue; None without outlines."""
+        """Outline of the expected mark of this hue that is nearest to place_px; None without outlines."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
         distances = np.linalg.norm(self.starts_px - place_px, axis=1)
@@ -187,14 +187,14 @@ class _Search:
         return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
-        """The expected positions that lie on a component, relative to the corner of the patch [px], each (2,)."""
+        """The expected positions on a component [px], each (2,), relative to the corner of the component's patch."""
         height, width = piece.component.shape
         places = self.starts_px - piece.corner_px
         in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:
-        """The pixels inside a contour, with filled holes; None if they are too few or too elongated for a mark."""
+        """The component inside a contour, without holes; None if it is too small or too elongated for a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
@@ -234,7 +234,7 @@ class _Search:
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """Record of a contour that is too small for a mark. Pick's theorem gives the number of its pixels."""
+        """Record of a contour with too few pixels for a mark. Pick's theorem gives the number of pixels inside it."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -243,7 +243,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """Record of a rejected component. If its size is wrong, SIZE or FEW_PIXELS replaces the given reason."""
+        """Record of a rejected component. If the component's area is outside the limits, `reason` is replaced."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -278,7 +278,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """Join the detections of one hue that are fragments of one mark, for example on both sides of a needle."""
+    """Join the detections of one hue that are fragments of one mark: a needle, for example, divides a mark."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []

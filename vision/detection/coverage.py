@@ -1,4 +1,4 @@
-"""Share of each pixel that a mark covers, and the centre and area of the mark that follow from these shares."""
+"""Share of each pixel that a mark covers. The shares give the centre and the area of the mark."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def measure_coverage(
 
     patch: part of a picture around the mark, (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark's colour class, else 0, (h, w) uint8
-    others: 1 on pixels of other marks of the class, which are not background, else 0, (h, w) uint8
-    thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
+    others: 1 on pixels of other marks of this class, else 0, (h, w) uint8; these pixels are not used as background
+    thorough: whether to measure the correlation of the noise. Without it, the covariance is approximate.
     """
     grow = settings.grow_px + max(component.shape) // 16
     valid, alpha, figures = kernels.covered(patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough)

@@ -24,10 +24,10 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """Detect in each region the one completely visible mark of the expected hue.
+    """Detect the only mark in each region. The mark must be completely visible and have the expected hue.
 
-    If no single, completely visible mark is found in a region, the result for this region is None. `detect_marks` may
-    then find the mark.
+    If a region has no such mark or several marks, the result for this region is None. The slower `detect_marks` may
+    still find marks in the region.
     regions: left, top, width, height [px]; expected: the mark of each region
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]

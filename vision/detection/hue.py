@@ -20,7 +20,7 @@ def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The hue in the range from 0 to less than 360 degrees. If rounding gives 360, the result is 0.
+    """The hue in the range from 0 to less than 360 degrees. A result that rounds to 360 is replaced by 0.
 
     >>> on_circle(-1e-15)
     0.0
@@ -35,7 +35,7 @@ class MarkHue:
     hue_deg: nominal hue of the marks [degrees]: 0 red, 120 green, 240 blue
     half_width_deg: largest difference between a pixel's hue and the middle of the range [degrees]
     min_saturation, min_value: least saturation and least value of a pixel, 0 to 1
-    seen_deg: middle of the range in the present light [degrees]; None: hue_deg
+    seen_deg: middle of the range after adaptation to the light [degrees]; None: hue_deg
     saturation, value: mean saturation and mean value of the marks, 0 to 1; None: not known
     """
 

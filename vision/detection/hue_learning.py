@@ -17,8 +17,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
     frame_bgr: (height, width, 3) uint8; at_px: position of the mark u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture. Raises HueError if too few or too many pixels
-    around the position have its colour, or if this colour is grey.
+    Raises ValueError if the position is outside the picture. Raises HueError if the mark at the position is too small,
+    too large or grey.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -56,8 +56,8 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
     """Mask of the pixels that have the colour of pixel u, v and are connected with it: 1, else 0, (h, w).
 
-    The distance of each colour from the colour of pixel u, v is computed without brightness. Otsu's threshold divides
-    the distances in a window around pixel u, v. The window grows until no pixel of the mask is on the window's border.
+    The distance between two colours does not depend on their brightness. Otsu's threshold divides the distances from
+    the colour of pixel u, v in a window. The window grows until no pixel of the mask is on the window's border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

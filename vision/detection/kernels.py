@@ -24,7 +24,7 @@ RAYS = np.column_stack(
 )
 """Directions of the rays as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Step below which a fit has converged, relative to the mark's half axes. The fit ends after one more step."""
+"""Length of a step below which a fit has converged, relative to the mark's half axes. Then, one last step follows."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -33,8 +33,8 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class number of each hue step, (HUE_STEPS,) uint8
-    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0: least value of all classes
-    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0: least of all classes
+    least_value: least value of each class, 0 to 255, (n_classes + 1,); entry 0: minimum of the other entries
+    least_saturation: least saturation of each class, 0 to 256, (n_classes + 1,); entry 0: minimum of the other entries
     """
     height, width = classes.shape
     for row in range(height):
@@ -99,7 +99,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _median(counts, n):  # type: ignore[no-untyped-def]
-    """Twice the median of n whole numbers, itself a whole number. counts: occurrences of each value from 0 on."""
+    """Twice the median of n whole numbers, as a whole number. counts: number of occurrences of 0, 1, 2 ..."""
     low, high, below = -1, -1, 0
     for value in range(len(counts)):
         below += counts[value]
@@ -113,7 +113,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
-    """Whether each of n colours is close to the median colour, (n,). colors: whole numbers, (n, 3)."""
+    """Whether each of n colours, (n, 3), is within outlier_sds standard deviations of the median colour, (n,)."""
     n = len(colors)
     kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
     counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
@@ -136,8 +136,9 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
     """Linear model of the background's colour, fitted to background pixels.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
-    Returns whether the fit is determined, and three matrices (3, 3): for each channel, the coefficients of 1, column
-    and row; the inverse of the fit's Gram matrix; the covariance of the noise of the channels.
+    Returns whether the pixels determine the fit, and three matrices (3, 3). The rows of the first matrix are the
+    coefficients of 1, column and row; it has one column for each channel. The second matrix is the inverse Gram matrix
+    of the fit. The third is the covariance of the channels' noise.
     """
     none = np.zeros((3, 3))
     height, width = behind.shape
@@ -233,10 +234,10 @@ def _boxed(values, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
-    """Variance of the mean of n noisy pixels, multiplied by n.
+    """Variance of the mean of noisy pixels, multiplied by the number of these pixels.
 
     weights: weight of each pixel's noise, (h, w); 0 for unused pixels
-    The result is the sum of the noise's autocovariance over lags up to reach // 2, at least the variance of a pixel.
+    The result is the sum of the noise's autocovariance over lags up to `reach // 2`, or over lag 0 for white noise.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -259,7 +260,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _smooth(alpha):  # type: ignore[no-untyped-def]
-    """Alpha smoothed with weights 1 2 1 by 1 2 1, mirrored at the patch's border."""
+    """Alpha, smoothed with weights 1 2 1 along rows and along columns. The patch is mirrored at its border."""
     height, width = alpha.shape
     across, smooth = np.empty((height, width)), np.empty((height, width))
     for row in range(height):
@@ -286,7 +287,7 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half the difference of alpha between each pixel and the pixel opposite about the centre, (h, w).
+    """Half the difference of alpha between each pixel and its point reflection about the centre, (h, w).
 
     A mark has the same alpha in both pixels. The difference therefore shows noise, compression and wear.
     """
@@ -313,7 +314,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of pixels in the mask `solid`, their mean colour, (3,), and this colour minus the background, (3,)."""
+    """Number of pixels in the mask `solid`, their mean colour, and its difference from the background, each (3,)."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -335,8 +336,8 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
     """Alpha, (h, w): 1 in the mark's core, `(pixel - background) @ weights` in the rest of `near`, 0 elsewhere.
 
-    Let u be the column and v the row. Also returns the sums of alpha, alpha * u and alpha * v over all pixels, and the
-    sums of 1, u, v, u * u, u * v and v * v over the pixels of `near` outside the core.
+    Let u be the column and v the row. Also returns two tuples of sums: sums of alpha, `alpha * u` and `alpha * v` over
+    all pixels, and sums of 1, u, v, `u * u`, `u * v` and `v * v` over the pixels of `near` outside the core.
     """
     by_b, by_g, by_r = weights
     constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
@@ -368,7 +369,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """Length of the centre's derivative by alpha, `(position - center) / area`, at edge pixels, (h, w); 0 elsewhere."""
+    """Shift of the mark's centre per unit of alpha at each edge pixel, (h, w); 0 at other pixels."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -379,10 +380,10 @@ def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
-    """Covariance uu, uv, vv of the centre [px²].
+    """Covariance uu, uv, vv of a mark's centre [px²].
 
-    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: inverse Gram matrix of `_background`
-    variances: variance of alpha at the edge and in the background
+    edge: sums over edge pixels, from `_unmixed`; center: u, v and area of the mark
+    gram_inv: inverse Gram matrix from `_background`; variances: variance of alpha at the edge and in the background
     """
     (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
     # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
@@ -406,14 +407,14 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """Measure alpha, the share of each pixel that a mark covers. Returns validity, alpha, (h, w), and ten other values.
+    """Measure alpha, the share of each pixel that a mark covers.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8, as in `measure_coverage`
     grow: radius of the disc by which the component is dilated [px]
     settings: from `CoverageSettings.for_kernel`
-    fit_pixels: largest number of pixels for the fit of the background
-    thorough: as in `measure_coverage`
-    The ten values are the centre u, v, the centre's covariance uu uv vv, area, noise of alpha, and colour b g r.
+    fit_pixels: largest number of pixels for the fit of the background; thorough: as in `measure_coverage`
+    Returns whether the measurement succeeded, alpha, (h, w), and ten values of the mark: the centre u, v, the centre's
+    covariance uu uv vv, area, noise of alpha, and colour b g r.
     """
     outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
     one = np.uint8(1)
@@ -461,7 +462,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Points relative to start at which alpha falls below 0.5, at most one on each ray, and the number of points."""
+    """Points at which alpha falls below 0.5, at most one on each ray, relative to `start`, and their number."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -502,7 +503,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """Circle (x, y, size) through three edge points with the best score: many points on it, few points beyond it."""
+    """Circle (x, y, size) through three edge points that has the most edge points on it and the fewest beyond it."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -531,7 +532,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
-    """Move a circle by a Newton step; returns the largest change of x, y or size."""
+    """Change the circle `fit` by a Newton step. Returns the largest change of x, y and size."""
     largest = 0.0
     for a in range(3):
         step = inverse[a, 0] * gradient[0] + inverse[a, 1] * gradient[1] + inverse[a, 2] * gradient[2]
@@ -544,8 +545,9 @@ def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
     """Fit a circle to edge points by Tukey's robust least squares, beginning with the circle `start`.
 
-    Returns the circle (x, y, size), the inverse normal matrix, (3, 3), the variance of an edge point, the power of
-    waves in the residuals, and the shares of rays with an edge point on the circle and beyond the circle.
+    Returns the circle (x, y, size), the inverse of the normal matrix, (3, 3), the variance of an edge point, the mean
+    power of the waves in the residuals, the share of rays with an edge point on the circle, and the share of rays with
+    an edge point outside the circle.
     """
     n = len(edges)
     fit, inverse = start.copy(), np.zeros((3, 3))
@@ -609,10 +611,11 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit an outline to a mark's visible edge. Returns centre u, v, covariance uu, uv, vv, share, beyond and size.
+    """Fit an outline to a mark's visible edge.
 
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: as in `Outline`
-    settings: from `OutlineSettings.for_kernel`; share, beyond, size: as in `Fitted`
+    settings: from `OutlineSettings.for_kernel`
+    Returns centre u, v, its covariance uu, uv, vv, and the values share, beyond and size of `Fitted`.
     """
     near_px, correlation_px, _, _, min_share, whole_share, reach = settings
     fit = np.array([start[0], start[1], 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
@@ -647,7 +650,7 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
 def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
-    one, other: arrays of numbers that begin with a centre u, v and the centre's covariance uu, uv, vv
+    one, other: arrays whose first five values are a centre u, v and the centre's covariance uu, uv, vv
     share: area of the mark, relative to the area of its outline; limits: from `CenterSettings.for_kernel`
     """
     min_area, max_area, variance, gate = limits
@@ -673,8 +676,8 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
     """Find the only large connected piece of a class.
 
-    Returns whether exactly one piece is large and it does not touch the border; the mask of this piece with filled
-    holes, (h, w); the first and last row and column of this piece.
+    Returns whether there is exactly one large piece, away from the border. Also returns the mask of this piece with
+    filled holes, (h, w), and a tuple: first row, last row, first column and last column of the piece.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -732,7 +735,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether a box has pixels of a class, and a smaller box around them. Only every fourth pixel is tested."""
+    """Whether a box has pixels of a class, and a smaller box that contains them. Only every fourth pixel is tested."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -750,7 +753,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """Whether a box has exactly one mark of a class; left and top of its patch; the results of `covered`."""
+    """Whether a box has exactly one mark of a class, left and top of the mark's patch, and results of `covered`."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -776,15 +779,15 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Find one mark in each of n boxes. Returns whether a completely visible mark is found, (n,), and numbers, (n, 11).
+    """Find one completely visible mark in each of n boxes. Returns whether it is found, (n,), and data, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
-    classes: class of each mark, and least number of pixels of each mark, (n, 2)
+    classes: colour class of each mark, and least number of pixels of each mark, (n, 2)
     palette: table, least_value and least_saturation of `classify`
     outlines: shape_px, (n, 2, 2); size_sd and area_px, (n, 2), as in `Outline`
-    covering: border around a mark [px], and the parameters settings and fit_pixels of `covered`
-    fitting: settings of `fitted`; limits: limits of `agreed`
-    The numbers are the centre u, v, the centre's covariance uu uv vv, size, area, noise of alpha, colour b g r.
+    covering: border around a mark [px], and the arguments settings and fit_pixels of `covered`
+    fitting: argument settings of `fitted`; limits: argument limits of `agreed`
+    The data are the centre u, v, the centre's covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """
     (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)
     found, marks = np.zeros(n, dtype=np.bool_), np.zeros((n, 11))

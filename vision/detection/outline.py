@@ -20,10 +20,10 @@ from vision.detection.settings import DETECTION, OutlineSettings
 class Outline:
     """Shape and size of a whole mark in a picture.
 
-    shape_px: matrix that maps the unit disc to the mark, relative to its centre [px], shape (2, 2)
-    size_sd: relative standard deviation of its size
+    shape_px: matrix that maps the unit disc to the mark, relative to the mark's centre [px], shape (2, 2)
+    size_sd: relative standard deviation of the mark's size
     area_px: area of the whole mark, computed from shape_px [px]
-    even: whether the mark has one colour; if not, as for a shaded ball, the mark is detected by its rim
+    even: whether the mark has one colour. A mark without one colour, such as a shaded ball, is detected by its rim.
     """
 
     shape_px: Floats
@@ -47,10 +47,10 @@ class Outline:
 class Fitted:
     """An outline fitted to the edge points of a mark. Each ray from the mark's middle has at most one edge point.
 
-    center_px, cov_px2: the centre [px], (2,), and covariance of the centre [px²], (2, 2)
+    center_px, cov_px2: the outline's centre [px], (2,), and the covariance of this centre [px²], (2, 2)
     share: share of the rays whose edge point lies on the fitted outline
-    beyond: share of the rays whose edge point lies outside the outline, for example because blood or another mark
-        touches the mark
+    beyond: share of the rays whose edge point lies outside the fitted outline. The cause may be blood or another mark
+        that touches the mark.
     size: size of the fitted outline, relative to the given outline
     """
 

@@ -24,7 +24,7 @@ class Palette:
 
 @lru_cache(maxsize=16)
 def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
-    """One class for each of these hues, in their order. If ranges overlap, the range with the nearest middle wins."""
+    """One class for each hue, in the given order. Where ranges overlap, the class with the nearest middle is chosen."""
     steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
     distances = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
     half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
@@ -42,7 +42,7 @@ def equal(classes: Picture, number: int) -> Picture:
 
 
 def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
-    """Class of each pixel, (h, w). If scale is 1, the picture is first smoothed, otherwise reduced by this factor."""
+    """Class of each pixel, (h, w), after smoothing if scale is 1, otherwise after reduction by the factor scale."""
     if scale == 1:
         smooth = cv2.blur(part, (3, 3))
     else:

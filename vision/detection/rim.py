@@ -26,7 +26,7 @@ def fit_rim(
     """Fit an outline to steps of colour, from several starts. Returns the best fit; None if no fit has enough steps.
 
     patch_bgr: (h, w, 3)
-    starts: initial values of the fit: centre u v in the patch [px], and size relative to the given outline, (n, 3)
+    starts: initial values of the fit, (n, 3): centre u v in the patch [px], and size relative to the given outline [1]
     """
     rim, edge = settings.rim, settings.outline
     limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px
@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """Strongest colour steps on each ray, (N_RAYS, N_STEPS, 3): x and y from start [sizes], height [grey levels]."""
+    """Highest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y [sizes] and height [grey levels] of each step."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
@@ -96,7 +96,10 @@ def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
-    """Fit a circle to colour steps. Returns score, circle (x, y, size), covariance of (x, y), share of used rays."""
+    """Fit a circle to colour steps, at most one on each ray.
+
+    Returns the sum of the steps' weights, the circle (x, y, size), the covariance of x and y, and sum / N_RAYS.
+    """
     wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
     limit, narrowest = wide, narrow_px / scale

@@ -19,8 +19,8 @@ class CoverageSettings:
     core_px: distance from the component's edge to its core [px]; choice. The pixels of the core show only the mark.
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
-    edge_gain: variance of alpha at the mark's edge, relative to the variance of half the difference of alpha between
-        two pixels that are opposite about the mark's centre [1]; choice. For white noise, this ratio is 2.
+    edge_gain: variance of alpha at the mark's edge, relative to the variance of d [1]; choice. d is half the difference
+        of alpha between opposite pixels of the mark. For white noise, edge_gain is 2.
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -46,10 +46,10 @@ class OutlineSettings:
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
     highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice
     edge_sd_px: least standard deviation of an edge point [px]; choice
-    min_share: least share of rays with an edge point on the outline, and least visible share of a mark's area [1];
-        choice
-    whole_share: the same least shares for a mark that is not occluded [1]; choice. A component may be several touching
-        marks if its area exceeds 1 / whole_share times the area of one mark.
+    min_share: least share of rays that have an edge point on the outline [1]; choice. It is also the least visible
+        share of a mark's area.
+    whole_share: value that replaces min_share for a mark that is not occluded [1]; choice. A component may be several
+        touching marks if its area exceeds 1 / whole_share times the area of one mark.
     """
 
     reach: float = 2.0
@@ -77,13 +77,13 @@ class OutlineSettings:
 class RimSettings:
     """Settings for the fit of a mark's rim (its outline) to steps of colour.
 
-    around: largest distance from the outline, inward and outward, at which steps are searched [sizes]; choice
+    around: half width of the band along the outline in which steps are searched [sizes]; choice
     blur_px: standard deviation of the smoothing before the search [px]; choice
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
     wide: largest distance of a step from the fitted outline in the first iteration [sizes]; choice
     narrow_px: largest distance of a step from the fitted outline in the last iteration [px]; choice
-    min_share: least share of rays with a step on the outline, for a mark that is not occluded [1]; choice. A ray
-        counts more if its step has more contrast.
+    min_share: least share of rays with a step on the outline, for a mark that is not occluded [1]; choice. A ray has a
+        larger weight in this share if its step is larger.
     min_share_alone: least share of rays with a step on the outline, for a mark that is detected by its rim alone [1];
         choice
     smear_gain: increase of the centre's variance due to motion, relative to the increase of the second moment of the
@@ -122,13 +122,13 @@ class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
     gate: largest squared Mahalanobis distance between the centre of a mark's visible area and the centre of its outline
-        [1]; source: chi-square, 2 dof, 99.9 %. If a mark is detected by its rim alone, gate also limits the search
-        around the expected position.
-    agree_sd_px: added standard deviation of the difference between two centres of a mark [px]; choice
+        [1]; source: chi-square, 2 dof, 99.9 %. If a mark is detected by its rim alone, the same gate limits the search
+        around the mark's expected position.
+    agree_sd_px: standard deviation that is added to the difference between two centres of a mark [px]; choice
     min_area: least area of a component, relative to the mark's area [1]; choice. The upper limit is 1 / min_area.
     grain_noise: noise, relative to contrast, above which errors along an outline are correlated [1]; choice
     grain_gain: largest relative increase of the covariance of an outline's centre due to correlated errors [1]; choice
-    blurred: second moment of the pixels of a mark at rest, relative to the second moment of its outline [1]; choice
+    blurred: factor by which blur increases the second moment of the pixels of a mark at rest [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -165,12 +165,12 @@ class HueLearningSettings:
 
     window_px: half width of the first window around the position [px]; choice. The window grows for larger marks.
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest distance of a pixel's colour from the colour at the position, relative to the distance of the
-        latter colour from grey [1]; choice
+    max_distance: largest distance of a pixel's colour from the colour at the position, relative to the distance between
+        grey and the colour at the position [1]; choice
     sds: half width of a learned range, in standard deviations of the pixels' hues [1]; choice
     min_width_deg: least half width of a learned range [degrees]; choice. The largest half width is sds * min_width_deg.
-    paler, darker: least saturation and least value of marks, relative to the 5th percentile of the saturation and of
-        the value of the learned pixels [1]; choice
+    paler: least saturation of marks, relative to the 5th percentile of the learned pixels' saturation [1]; choice
+    darker: least value of marks, relative to the 5th percentile of the learned pixels' value [1]; choice
     """
 
     window_px: int = 8

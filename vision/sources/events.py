@@ -40,7 +40,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SourceEvent:
-    """An event of a source: its time on the clock of the exposure times [s], its kind, and a text of one line."""
+    """An event of a source: time [s], kind, and one line of text. The time is on the same clock as exposure times."""
 
     time_s: float
     kind: EventKind
@@ -55,7 +55,7 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def frames_dropped(self) -> int:
-        """Number of frames that were read but dropped, because a newer frame came or because their time was wrong."""
+        """Number of frames that were read but dropped: a newer frame came, or their exposure time did not increase."""
 
     @property
     def origin_s(self) -> float:
@@ -87,4 +87,4 @@ class Source(SourceOf[Frame], Protocol):
     """Protocol of a source that delivers single frames, in the order of their exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield frames until the source ends. Faults do not stop the iteration. Raises SourceError as `next` does."""
+        """Yield frames until the source ends, also after faults. Raises SourceError if the source fails."""

@@ -39,7 +39,7 @@ class EveryFrame(Closing):
         return self._ended
 
     def next(self, timeout_s: float = 0.0) -> Frame | None:
-        """The next frame; None after the last frame. Raises SourceError if the file is faulty."""
+        """The next frame; None after the last frame. Raises SourceError if the frame or its time cannot be read."""
         frame = None if self._ended else next(self._coming, None)
         if frame is None:
             if not self._ended:

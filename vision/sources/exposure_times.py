@@ -1,4 +1,4 @@
-"""Exposure times of frames: on the monotonic clock for devices, in the film's own time for films.
+"""Exposure times of frames: on the monotonic clock for devices, and relative to the first frame for films.
 
 The arrival time of a frame is the monotonic time at which grab() returned. A rule is a function that computes the
 exposure time of each frame, in order. A reopened source gets a new rule.
@@ -25,20 +25,20 @@ ExposureRule = Callable[[Any, float], float]
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
-    """Exposure time on the monotonic clock [s], as the capture itself reports it (CAP_PROP_POS_MSEC)."""
+    """Exposure time on the monotonic clock [s], from the capture's property CAP_PROP_POS_MSEC."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 class DeviceTimes:
     """Rule for the exposure times of a device.
 
-    Devices do not report how long exposure and read-out take. A frame is assumed to be exposed half the median frame
-    interval before it is complete. The device time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device
-    time. Device times are plausible if they increase, and if the delays vary by at most clock_error_s. At first, a
-    frame is assumed to be complete at its arrival time. After settled_frames plausible device times in a row, a frame
-    is assumed to be complete at its device time plus the least delay of the last remembered_frames frames.
+    The device time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. Device times are
+    plausible if they increase, and if the delays vary by at most clock_error_s. At first, a frame is assumed to be
+    complete at its arrival time. After settled_frames plausible device times in a row, a frame is assumed to be
+    complete at its device time plus the least delay of the last remembered_frames frames. The exposure time is assumed
+    to be half the median frame interval before the frame is complete, because devices do not report it.
 
-    late_s: increase of the delay if the increase exceeds settings.blocked_s [s]; otherwise 0. The delay increases if
+    late_s: increase of the delay [s] if the increase exceeds settings.blocked_s; otherwise 0. The delay increases if
         frames wait in a queue, or if the device's clock was set back.
     """
 
@@ -97,7 +97,7 @@ class RisingTimes:
     """Rule that uses the exposure times of the given rule while they increase.
 
     If they do not increase for settings.stuck_frames frames in a row, arrival times minus a constant delay are used
-    from then on. The delay is that between exposure and arrival of the last frame whose exposure time increased.
+    from then on. This delay was measured at the last frame whose exposure time increased.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -143,12 +143,12 @@ class RisingTimes:
 
 
 class FilmTimes:
-    """Exposure times of a film's frames, from 0 on [s].
+    """Exposure times of a film's frames [s]. The time of the first frame is 0.
 
-    If a frame's time in the container differs from index / rate by at most `ROUNDING_S`, index / rate is used.
-    Otherwise, the time in the container is used. A time in the container is invalid if it is not finite or does not
-    increase. An invalid time raises ValueError if there is no rate, or if the container's time was used for an earlier
-    frame. In all other cases, index / rate is used from the first invalid time on.
+    The container states a time for each frame. If this time differs from index / rate by at most `ROUNDING_S`, the
+    exposure time is index / rate. Otherwise, the exposure time is the container's time. A container's time is invalid
+    if it is not finite or does not increase. From the first invalid time on, the exposure time is index / rate. But if
+    there is no rate, or if a container's time was used before, an invalid time raises ValueError.
     """
 
     def __init__(self, rate: float) -> None:
@@ -160,7 +160,7 @@ class FilmTimes:
         self._failed = False
 
     def __call__(self, container_s: float) -> float:
-        """Exposure time of the next frame [s]; container_s: time of this frame in the container [s]."""
+        """Exposure time of the next frame [s]. container_s: time that the film's container states for it [s]."""
         index, self._index = self._index, self._index + 1
         if index == 0 and np.isfinite(container_s):
             self._first_s = container_s
@@ -183,10 +183,10 @@ class FilmTimes:
 class Arrivals:
     """Test whether the arrival times of pictures determine their exposure times.
 
-    After a pause of more than `settings.blocked_s`, pictures may be late by up to the length of the pause, because they
-    waited in a queue. Short intervals between arrivals empty the queue and reduce the delay. A failed read ends it.
-    If the source itself reports exposure times, pictures are not assumed to be late. An arrival is uneven if the
-    interval before it is not a multiple of the median interval: the picture then waited for an unknown time.
+    A pause exceeds settings.blocked_s and settings.slow_intervals median intervals. After a pause, pictures may be late
+    by up to the length of the pause, because they waited in a queue. Short intervals reduce this delay. After a failed
+    read, the delay is 0. If the source reports exposure times, pauses cause no delay. An arrival is uneven if the
+    interval before it is not a multiple of the median interval: this picture waited for an unknown time.
 
     late_s: largest possible delay of pictures due to a pause [s]
     """
@@ -199,7 +199,7 @@ class Arrivals:
         self._uneven_s = -np.inf
 
     def came(self, now_s: float, *, by_source: bool = False) -> None:
-        """Record the arrival of a picture, new or repeated. by_source: whether the source reports exposure times."""
+        """Record the arrival of a new or repeated picture. by_source: whether the source reports exposure times."""
         before_s, self._last_s = self._last_s, now_s
         if by_source:
             self._uneven_s = -np.inf

@@ -56,7 +56,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """Simultaneous pictures of cameras. exposure_s: exposure time [s]; images: (height, width, 3) BGR, by camera."""
+    """Simultaneous pictures. exposure_s: exposure time [s]; images: picture of each camera, (height, width, 3) BGR."""
 
     exposure_s: float
     images: dict[str, Image]
@@ -93,7 +93,7 @@ def quiet_opencv() -> Iterator[None]:
 def opencv_name(path: FilePath) -> str:
     """Name of a file for OpenCV and FFmpeg. Raises SourceError for a name that is not in UTF-8.
 
-    A relative name gets ./ in front. Otherwise, FFmpeg would read the part of a name before a colon as a protocol.
+    A relative name gets ./ in front, because FFmpeg reads the part of a name before a colon as a protocol.
     """
     name = os.fspath(path)
     try:
@@ -118,7 +118,7 @@ class VideoFileFrames(Closing):
     """Frames of a film, as fast as they are requested.
 
     exposures_s: exposure time of each frame [s]; default: index / fps
-    fps: frame rate [frames/s]; default: the film's own times are used (`FilmTimes`)
+    fps: frame rate [frames/s]; default: the times in the film determine the exposure times, see `FilmTimes`
 
     Raises SourceError if the film cannot be opened. Iteration raises SourceError if the film has no times, or if the
     numbers of frames and exposure times differ.

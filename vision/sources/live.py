@@ -35,7 +35,7 @@ class Capture(Protocol):
         """Wait for the next frame; returns False if there is none."""
 
     def retrieve(self) -> tuple[bool, Any]:
-        """Whether the last call of `grab` got a frame, and this frame."""
+        """Whether the last call of `grab` was successful, and the frame of this call."""
 
     def get(self, prop: int) -> float:
         """Value of the property with this OpenCV number, such as cv2.CAP_PROP_FPS."""
@@ -46,7 +46,10 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """Reading thread. alive_s: time of last progress [s]; may_hang_s: longest pause [s]; retired: whether replaced."""
+    """State of a reading thread.
+
+    alive_s: time of last progress [s]; may_hang_s: longest time without progress [s]; retired: whether it was replaced
+    """
 
     alive_s: float
     may_hang_s: float
@@ -57,15 +60,15 @@ class LiveFrames(Closing):
     """Source of the newest frames of a camera or stream. Each frame is delivered at most once.
 
     open_capture: function that opens the source. A reading thread calls it, because a dead device may block the call.
-    ends: function that states whether a failed read is the end of the source; if not, a failed read is a fault
+    ends: function that returns whether a failed read is the end of the source. Otherwise, a failed read is a fault.
     keep: largest number of frames that wait for delivery; if there are more, the oldest frame is dropped
-    exposures: function that returns a rule for exposure times; called at each opening; default: `DeviceTimes`
+    exposures: function that returns a new rule for exposure times at each opening; default: `DeviceTimes`
     may_repeat: whether a picture that equals an earlier picture is delivered, as in a film; if not, it is dropped
     give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for faults
-    clock: the monotonic clock [s]; nap: function that pauses; default: a pause that `close` ends
+    clock: the monotonic clock [s]; nap: function that sleeps for a time [s]; default: a sleep that `close` ends
     origin: function that returns the clock time at which time 0 of a film is played [s]; default: 0
-    waits: whether reading begins with the first call of `next`, as for a film; if not, the constructor begins it
+    waits: whether reading begins with the first call of `next`, as for a film; if not, it begins in the constructor
 
     If the source cannot be opened at first, `next` raises SourceError. If the source fails later, it is reopened.
     """
@@ -131,7 +134,7 @@ class LiveFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """Largest time by which the last picture may be older than its exposure time states, due to a pause [s]."""
+        """Largest possible error of the last picture's exposure time after a pause [s]. The picture may be older."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
@@ -147,8 +150,8 @@ class LiveFrames(Closing):
     def next(self, timeout_s: float) -> Frame | None:
         """The oldest waiting frame; None at the end, or if no frame comes within timeout_s [s].
 
-        Raises SourceError if the source cannot be opened, or if it delivers no frame for give_up_s. Exceptions of the
-        reading thread are raised here, too.
+        Raises SourceError if the source cannot be opened, or if no new frame comes for the time give_up_s of the
+        constructor. Also raises the exceptions of the reading thread.
         """
         until = self._clock() + timeout_s
         with self._changed:
@@ -191,7 +194,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order. Only `next` detects that the source is blocked or frozen."""
+        """The events since the last call, in order. Only calls of `next` detect a blocked or frozen source."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -243,7 +246,7 @@ class LiveFrames(Closing):
             self._nap(pause_s)
 
     def _read(self, reader: Reader, capture: Capture) -> None:
-        """Deliver pictures until the capture ends, fails for settings.blocked_s, or `reader` is replaced."""
+        """Deliver pictures until the capture ends or `reader` is replaced, or reads fail for settings.blocked_s."""
         times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
@@ -265,7 +268,7 @@ class LiveFrames(Closing):
             self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
-        """The next picture or None, its arrival time [s], and the reason why there is no picture."""
+        """The next picture and its arrival time [s]; or None, a time [s], and the reason why there is no picture."""
         try:
             grabbed = capture.grab()
             grabbed_s = self._clock()
@@ -282,7 +285,7 @@ class LiveFrames(Closing):
             return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
-        """Deliver a picture. Drop a picture that repeats an earlier one, or whose exposure time does not increase."""
+        """Deliver a picture. Drop it if it repeats an earlier picture, or if it is not newer than the last frame."""
         with self._changed:
             if not self._wanted(reader):
                 return

@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index. In a larger index, the hundreds select OpenCV's capture API, not a camera."""
+"""Largest camera index. OpenCV takes the hundreds of a larger index for the number of a capture API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -38,8 +38,8 @@ def open_source(
 
     spec: camera index, /dev/video..., film, folder of pictures, or stream (rtsp://, http://, udp:// ...)
     live: if True, only the newest frame is delivered, and a file is played at the speed of its exposure times. If
-        False, a file is read as fast as requested, and up to settings.backlog frames of a device or stream can wait.
-    fps: frame rate [frames/s]. A folder of pictures needs fps. For a film, fps replaces the times in the film.
+        False, a file is read as fast as requested; for a device or stream, up to settings.backlog frames can wait.
+    fps: frame rate [frames/s]. A folder of pictures needs fps. If given for a film, fps replaces the film's times.
     give_up_s, settings: as in `LiveFrames`
 
     Raises SourceError if there is no such source, or if fps is given for a camera or stream. If a device cannot be
@@ -70,12 +70,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of a file's frames. live: if True, the file is `played`; if False, each frame is read when requested."""
+    """Source of a file's frames. If live is true, the file is `played`. Otherwise, frames are read when requested."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source that plays a file at the speed of its exposure times. start: as in `Playback`."""
+    """Source that plays a file. Each frame is due at its exposure time. For start, see `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,

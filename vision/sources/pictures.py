@@ -22,7 +22,7 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
     """Yield name and grey levels, (height, width), of each picture. The frames of a film come before the picture files.
 
-    paths: picture files, folders of pictures, and at most one film, whose sharpest frames are used
+    paths: picture files, folders of pictures, and at most one film. Only the sharpest frames of the film are used.
     Raises SourceError for unreadable files, a second film, repeated names, and pictures of different sizes.
     """
     given = [Path(path) for path in paths]
@@ -49,7 +49,7 @@ def grey_picture(path: FilePath) -> Image:
 
 
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """Yield name ("frame 000123") and grey levels, (height, width), of the sharpest frame in each of n parts of a film.
+    """Yield the sharpest frame in each of n parts of a film: name ("frame 000123") and grey levels, (height, width).
 
     Raises SourceError in the cases of `VideoFileFrames`.
     """

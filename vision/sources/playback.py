@@ -15,13 +15,13 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Start of films that play together. at_s: clock time of time 0 in the films [s]; None before the first frame."""
+    """Common start of films. at_s: clock time at which time 0 of the films is played [s]; None: not yet started."""
 
     at_s: float | None = None
 
 
 class Playback:
-    """Capture that plays a file: frames follow each other at the intervals of their exposure times.
+    """Capture that plays a file. Each frame is due at its exposure time, counted from the start of the playback.
 
     start: start of the playback. Films that play together get the same `Start`.
     """
@@ -61,11 +61,11 @@ class Playback:
         return True
 
     def retrieve(self) -> tuple[bool, Image | None]:
-        """Whether there is a present frame, and its pixels, (height, width, 3) BGR."""
+        """Whether `grab` has reached a frame, and the pixels of this frame, (height, width, 3) BGR."""
         return self._shown is not None, None if self._shown is None else self._shown.image
 
     def get(self, prop: int) -> float:
-        """For CAP_PROP_POS_MSEC, the clock time at which the present frame is due [ms]; 0 for other properties."""
+        """Clock time at which the present frame is due [ms] if prop is CAP_PROP_POS_MSEC; otherwise 0."""
         if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None:
             return 0.0
         return 1e3 * (self.origin_s + self._shown.exposure_s)

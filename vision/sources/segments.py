@@ -26,7 +26,7 @@ SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
 """File name extension of a piece, by codec."""
 
 NOMINAL_FPS = 30.0
-"""Frame rate in the header of a piece [frames/s]. Readers do not use this rate: they are given the exposure times."""
+"""Frame rate in the header of a piece [frames/s]. Readers use given exposure times in place of this rate."""
 
 
 class SegmentWriter:
@@ -49,7 +49,7 @@ class SegmentWriter:
         self._piece.write(image)
 
     def finish(self) -> None:
-        """Finish the unfinished piece: sync it to the disk, then rename it to its final name.
+        """End the unfinished piece: sync its file to the disk, then rename the file to its final name.
 
         If frames of the piece are missing, the piece is deleted, and SourceError is raised.
         """
@@ -82,7 +82,7 @@ def count_segment_frames(folder: FilePath) -> int:
 
 
 class SegmentFrames(Closing):
-    """Frames of all pieces in order, each with its exposure time [s]. Surplus frames without exposure time are omitted.
+    """Frames of all pieces in order, each with its exposure time [s]. Frames after the last exposure time are omitted.
 
     Raises SourceError if pieces are missing or unreadable, or if there are fewer frames than exposure times.
     """
@@ -115,7 +115,7 @@ class SegmentFrames(Closing):
 def join_segments(
     folder: FilePath, film: FilePath, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
 ) -> None:
-    """Write the first n_frames frames of a folder's pieces as one film without loss.
+    """Write the first n_frames frames of a folder's pieces as one film. The pixels do not change.
 
     advance: called after each frame with the share of frames written so far, 0 to 1
     Raises SourceError if pieces are missing or unreadable, if frames are missing, or if the film cannot be written.

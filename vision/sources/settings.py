@@ -19,10 +19,10 @@ class SourceSettings:
         ten seconds
     stream_opening_s: longest duration of the opening of a stream, which then fails [s]; choice
     most_readers: largest number of reading threads, including threads that hang [1]; choice
-    slow_intervals: longest interval that is no fault, relative to the median interval [1]; choice
+    slow_intervals: longest interval that is not a fault, relative to the median interval [1]; choice
     settled_frames: number of frames for the median interval [1]; choice. Device times are used after this number of
         plausible device times in a row.
-    stuck_frames: arrival times are used if the times of this number of successive frames do not increase [1]; source: a
+    stuck_frames: number of successive frames without increasing times after which arrival times are used [1]; source: a
         fault is to be reported within 200 ms or three frames. The test for lost pictures uses this number of intervals.
     clock_error_s: largest variation of the delay, which is the arrival time minus the device time [s]; choice
     uneven_s, uneven_share: largest deviation of an even interval from a multiple of the median interval, as a time [s]

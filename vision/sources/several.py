@@ -25,8 +25,8 @@ JITTER_S = 5e-3
 if they are computed from arrival times."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for the next picture of a late camera, and for its first picture [s]; choice. The wait for the next
-picture is less than a frame interval at 30 frames/s. The wait for the first one allows for cameras that open slowly."""
+"""Longest wait for the next picture of a late camera, and for the first picture of a camera [s]; choice. The first
+value is less than a frame interval at 30 frames/s. The second value allows for cameras that open slowly."""
 
 POLL_S = 2e-3
 """Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
@@ -35,10 +35,10 @@ POLL_S = 2e-3
 class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras. Each picture is delivered at most once.
 
-    If the exposure times of pictures differ by at most `TOGETHER_S`, the pictures are delivered together. Pictures are
-    delivered in the order of their exposure. If a camera is late, pictures of the other cameras wait for a short time.
+    Pictures whose exposure times differ by at most `TOGETHER_S` are delivered together. Pictures are delivered in the
+    order of their exposure. If a picture of one camera is late, pictures of the other cameras wait for a short time.
     sources: source of each camera by name
-    clock: the monotonic clock [s]; nap: function that pauses for a time [s]
+    clock: the monotonic clock [s]; nap: function that sleeps for a time [s]
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class SeveralFrames(Closing):
 
     @property
     def waits(self) -> bool:
-        """Whether reading has not begun. Reading of films begins with the first call of `next`."""
+        """Whether reading has not begun yet. Films are read from the first call of `next` on."""
         return any(one.waits for one in self.sources.values())
 
     @property
@@ -116,7 +116,7 @@ class SeveralFrames(Closing):
                 self._last_s[name] = frame.exposure_s
 
     def _first(self) -> Exposure | None:
-        """The next pictures to deliver; None if there are none, or if an earlier one of another camera is expected."""
+        """The next pictures to deliver; None if there are none, or if another camera must be waited for."""
         heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
         if not heads:
             return None
@@ -139,7 +139,7 @@ class SeveralFrames(Closing):
         self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether to wait for a camera's next picture, because it was probably exposed before exposure_s [s]."""
+        """Whether to wait for a camera's next picture, because its exposure was probably before exposure_s [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False
@@ -164,6 +164,6 @@ class SeveralFrames(Closing):
 
 
 def played_together(films: Mapping[str, FrameFile]) -> SeveralFrames:
-    """Source that plays the films of several cameras simultaneously, at the speed of their exposure times."""
+    """Source that plays the films of several cameras simultaneously. Each frame is due at its exposure time."""
     start = Start()
     return SeveralFrames({name: played(film, start) for name, film in films.items()})

@@ -20,7 +20,8 @@ Codec = Literal["MJPG", "FFV1"]
 class VideoWriter:
     """Writer of a film. The file has a temporary name until the film is complete.
 
-    codec: see `Codec`; MJPG needs a path that ends in .avi; quality: JPEG quality, 1 to 100
+    codec: see `Codec`. MJPG needs a path that ends in .avi.
+    quality: JPEG quality, 1 to 100
     If an exception is raised in the writer's `with` block, the file is deleted.
     """
 
@@ -100,7 +101,7 @@ class VideoWriter:
 
 
 def compress(image: Image, quality: int) -> Image:
-    """The image, (height, width, 3), after JPEG compression with this quality, 1 to 100, and decompression."""
+    """The image, (height, width, 3), after JPEG compression and decompression. quality: JPEG quality, 1 to 100."""
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise ValueError(f"image: expected one that JPEG can encode, found {image.dtype} {image.shape}")

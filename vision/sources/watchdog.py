@@ -16,18 +16,18 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 DARK = 60
-"""Mean grey level, 0 to 255, below which a picture is dark; choice. In the dark, cameras may use longer exposures."""
+"""Mean grey level, 0 to 255, below which a picture is dark; choice. In the dark, cameras may send fewer pictures."""
 
 
 class SourceWatchdog:
     """Detects faults of a live source from the arrival times of its pictures.
 
     The time limit is settings.blocked_s or settings.slow_intervals frame intervals, whichever is longer. `check`
-    reports a fault if no read returned within the time limit, or if all reads within the time limit returned the same
-    picture. A failed read is also a fault.
+    reports a fault if no read has returned for longer than the time limit, or if the reads have returned only one
+    picture for longer than the time limit. A failed read is also a fault.
 
     may_repeat: whether a picture may repeat without a fault, as in a film
-    fault: the present fault, or None; new_s: time of the last new picture [s]
+    fault: the present fault; None: no fault; new_s: time of the last new picture [s]
     """
 
     def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
@@ -71,7 +71,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """Test whether the source is blocked or frozen at the time now_s [s]; returns the events."""
+        """Test whether the source is blocked or frozen at the time now_s [s]. Returns the new events."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -89,15 +89,15 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""Number of last frames with which a new frame is compared: a hung driver may deliver several old frames in turn."""
+"""Number of recent frames with which a new frame is compared. A hung driver may repeat several old frames in turn."""
 
 
 class FrozenValues:
     """Detects a source that repeats old frames.
 
     A frame is a repeat if its values equal those of one of the last `IN_TURN` frames. New values contain noise, and
-    therefore almost never repeat. But some senders send each frame several times. The source is frozen if the number of
-    repeats of a frame exceeds the median over earlier frames by at least settings.stuck_frames - 1.
+    therefore almost never repeat. But some senders send each frame several times. Let n be the median number of repeats
+    of earlier frames. The source is frozen if the present frame has n + settings.stuck_frames - 1 repeats or more.
 
     frozen: whether the source is frozen now
     """
@@ -110,7 +110,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Test a frame. values: its values by name. Returns whether the frame is a repeat, and the new events."""
+        """Test a frame that consists of named values. Returns whether the frame is a repeat, and the new events."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -134,10 +134,10 @@ class FrozenValues:
 class SparsePictures:
     """Detects from exposure times that at least half of the pictures are lost.
 
-    A gap is an interval of more than 1.5 median intervals. Let n be `settings.stuck_frames`. The fault begins if the
-    sum of the last n intervals is at least 2 n median intervals, and at least two of these intervals are gaps. The
-    fault ends after `settings.even_s` without a gap. After an interval below half the median interval, only later
-    intervals are tested: the reader was late, and pictures waited.
+    Let n be `settings.stuck_frames`. A gap is an interval of more than 1.5 median intervals. The loss is reported if at
+    least two of the last n intervals are gaps, and if the last n intervals together are at least 2 n median intervals.
+    The loss ends after `settings.even_s` without a gap. If an interval is shorter than half the median interval,
+    pictures have waited for a late reader. After such an interval, only later intervals are tested.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:

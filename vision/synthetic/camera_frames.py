@@ -1,4 +1,4 @@
-"""Synthetic frames with marks at exactly known sub-pixel positions; models of lens, light, motion and sensor.
+"""Synthetic frames with marks at exactly known sub-pixel positions, from models of lens, light, motion and sensor.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane. Light is linear, in
 BGR order. `vision/synthetic/plain_frames.py` has a simpler camera model.
@@ -26,7 +26,7 @@ class Highlight:
     """Mirror image of the lamp on each mark.
 
     size: radius of the highlight, relative to the mark's radius
-    strength: share of the mark's colour that white replaces, 0 to 1
+    strength: share of white in the colour of the highlight, 0 to 1; the rest is the mark's colour
     offset: position relative to the mark's centre, along x and y of the plane [radii of the mark]
     """
 
@@ -42,7 +42,7 @@ class Shadow:
     depth: share of light that the shadow removes, 0 to 1
     edge_px: a point in the middle of the edge, where the shadow removes half of `depth` [px]
     towards_deg: direction in which the shadow becomes darker, 0 right, 90 down [degrees]
-    softness_px: standard deviation of the edge, whose profile is a logistic function [px]
+    softness_px: standard deviation of the logistic profile of the edge [px]
     """
 
     depth: float
@@ -60,12 +60,12 @@ class SyntheticCamera:
     vignetting: light decreases as `cos(angle of the ray) ** (4 * vignetting)`; 1 is the natural law, 0 is none
     blur_sd_px: standard deviation of the lens's point spread function [px]
     exposure_share: share of the frame interval during which the shutter is open, 0 to 1
-    exposure: factor on the light; with 1 a white object looks white
+    exposure: factor on the light; if it is 1, a white object is white in the picture
     lamp_bgr: colour of the lamp, as a factor on the light of each channel
     slope: relative decrease of light from one border of the picture to the other along slope_deg
     slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
-    flicker: relative amplitude of the lamp's flicker. The camera exposes rows one after the other, so flicker varies
-        the light from row to row.
+    flicker: relative amplitude of the lamp's flicker. The rows are exposed one after the other. The light therefore
+        differs between rows.
     flicker_period_px: number of rows in one period of the flicker [px]; flicker_phase: phase of the flicker [radians]
     highlight: mirror image of the lamp on marks; shadow: a soft shadow; None: not present
 
@@ -105,8 +105,8 @@ class SyntheticCamera:
 class SyntheticMark:
     """A coloured disc on the plane, with its motion while the shutter is open.
 
-    path_m: centre at evenly spaced moments of the exposure [m], shape (n_moments, 2), with n_moments odd. The centre at
-        the middle moment is the mark's true position.
+    path_m: centre at evenly spaced moments of the exposure [m], shape (n_moments, 2). n_moments must be odd: the centre
+        at the middle moment is the mark's true position.
     radius_m: radius of the disc [m]
     hue_deg, saturation, value: colour under white light, in sRGB
     """
@@ -132,8 +132,8 @@ class SyntheticFrame:
     """A synthetic frame with its truth.
 
     image: (height, width, 3) BGR uint8
-    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2). They are not exactly the
-        centres of the ellipses in the picture.
+    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2). Due to perspective, they
+        differ slightly from the centres of the ellipses in the picture.
     visible: share of each mark that is in the picture and not covered, shape (n_marks,)
     """
 
@@ -176,7 +176,7 @@ def draw_synthetic_frame(
 
 
 def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
-    """Share of light that a surface reflects, linear BGR, (3,), from its hue, saturation and value in sRGB."""
+    """Linear BGR reflectance, (3,), of a surface whose sRGB colour has this hue, saturation and value."""
     return light_of(colorsys.hsv_to_rgb(hue_deg % 360.0 / 360.0, saturation, value))[::-1].astype(np.float32)
 
 

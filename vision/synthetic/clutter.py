@@ -18,7 +18,7 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of rows in each band of a needle. Boxes around all bands have fewer pixels than one around the needle."""
+"""Number of rows in each band of a needle. Boxes around all bands have fewer pixels than one box around the needle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ def blood_layer(
 
 
 def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator, *, texture: float = 0.0) -> Picture:
-    """Linear BGR light from a plane of one colour, (height, width, 3); texture: relative unevenness of the light."""
+    """Linear BGR light from a plane of one colour, (height, width, 3); texture: relative variation of the light."""
     surface = np.ones((size_px[1], size_px[0], 3)) * light_of(srgb)[::-1]
     if texture:
         uneven = 0.7 * _clouds(size_px, 40.0, rng) + 0.5 * _clouds(size_px, 5.0, rng) + 0.5 * _clouds(size_px, 1.0, rng)

@@ -1,4 +1,4 @@
-"""Layers of a drawn scene. A layer has a colour, and covers a share of each pixel in part of the picture.
+"""Layers of a drawn scene. A layer has a colour, a position in the picture, and the share of each pixel that it covers.
 
 A colour is the share of light that the object reflects, linear, in BGR order.
 """
@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Visible area of a layer [px]. The call updates free, the share of each pixel that no layer covers, (h, w)."""
+    """Visible area of a layer [px]. The call also updates free, the share of each pixel without layers, (h, w)."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))
@@ -53,7 +53,7 @@ def take(free: Picture, layer: Layer) -> float:
 
 
 def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Rows and columns of the part of a layer inside the picture, once as indices of the picture, once of the layer."""
+    """Rows and columns of the part of a layer inside the picture: slices of the picture, and slices of the layer."""
     inside, own = [], []
     for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
         low, high = max(start, 0), min(start + length, int(size))

@@ -16,7 +16,7 @@ LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 
 
 
 def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A random camera in good light, with little noise and distortion, almost perpendicular to the plane."""
+    """A random camera in good light, with little noise and distortion. It looks almost perpendicularly at the plane."""
     return SyntheticCamera(
         tilted_view(
             size_px,
@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour raised to a power. With a negative power, the result is a white balance for this lamp."""
+    """A lamp's colour raised to a power. A negative power gives the gains of a white balance for this lamp."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

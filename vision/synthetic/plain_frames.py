@@ -21,9 +21,9 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of horizontal lines per row of pixels for the coverage by a disc. The error of the coverage is 1e-3."""
+"""Number of sampling lines in each row of pixels, for the coverage by a disc. The error of the coverage is 1e-3."""
 BLUR_REACH = 4.0
-"""Distance from an edge at which its blur ends [standard deviations of the blur]."""
+"""Distance from an edge at which the blur of the edge ends [standard deviations of the blur]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Disc:
 
     center_px: centre at mid-exposure [px], shape (2,)
     axes_px: semi-axes along u and v [px]
-    lean: shear of the disc: shift along u per pixel below the centre [1]
+    lean: shear [1]. The row at v pixels below the centre is shifted along u by `lean * v` pixels.
     hue_deg, saturation, value: colour of the disc
     smear_px: motion along u and v while the shutter is open [px]
     """
@@ -68,7 +68,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """Effects of light, lens and sensor on a frame. The defaults are for a good webcam in front of acrylic.
+    """Effects of light, lens and sensor on a frame. The defaults describe a good webcam in front of acrylic.
 
     background_bgr: colour of the acrylic in full light [grey levels]
     slope: relative decrease of light from the picture's upper left to its lower right
@@ -78,8 +78,8 @@ class Lighting:
     shot_noise_sd: standard deviation of the shot noise at level 255 [grey levels]
     grain_px: standard deviation of a Gaussian that smooths the noise [px]; 0 for white noise
     mark_strength: opacity of the marks: 1 for fresh marks, less for worn marks
-    wander_px: standard deviation, on each axis, of a random shift of each mark in each frame [px]. It models errors
-        that are not visible in the picture.
+    wander_px: standard deviation on each axis of a random shift of each mark in each frame [px]. The shift models
+        errors that are not visible in the picture.
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -138,11 +138,11 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting with which detected marks have the error of [paper], 4.14 mm, in films of MJPG quality 60.
+    """Lighting that gives detected marks an error of 4.14 mm, as in [paper], in films of MJPG quality 60.
 
-    Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error.
-    If sensor noise alone caused this error, the noise would hide the marks. Most of the error is therefore a random
-    shift of the marks. The scene of the film must state this shift in calibration_sd_px.
+    Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error. If
+    sensor noise alone caused this error, the noise would hide the marks. Most of the error is therefore a random shift
+    of the marks. The scene of the film must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
@@ -196,7 +196,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """Share of each pixel that the disc covers, averaged over the exposure, for pixels from low up to high - 1."""
+    """Share of each pixel from low to high - 1 that the disc covers, averaged over the exposure."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)
@@ -232,8 +232,8 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
     """Random numbers with standard deviation 1, (2 * height, 2 * width, 3).
 
-    Each frame uses a random part of these numbers with a random sign, because new noise would take longer than all
-    other steps.
+    Each frame uses a random part of these numbers with a random sign. New random numbers for each frame would take
+    longer than all other steps.
     """
     bank: Picture = np.random.default_rng(20).standard_normal((2 * height, 2 * width, 3), dtype=np.float32)
     if grain_px:

@@ -34,7 +34,7 @@ from vision.synthetic.plain_frames import distractors
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Level = Literal["good light", "whole range"]
-"""Difficulty of a synthetic run: "good light" is even light and a sharp picture; "whole range" has all disturbances."""
+"""Difficulty of a synthetic run: "good light" has even light and no occluders; "whole range" has all disturbances."""
 
 Triple = tuple[float, float, float]
 
@@ -46,7 +46,7 @@ FASTEST_PX = 20.0
 class RunFrame:
     """A frame of a run.
 
-    time_s: time of mid-exposure [s]; camera: the camera at this time, with the drift of its lamps and exposure
+    time_s: time of mid-exposure [s]; camera: the camera with its lamp colour and exposure at this time
     marks: the marks; frame: the picture with its truth
     """
 
@@ -116,7 +116,7 @@ def synthetic_run(
     radius_px: float | None = None,
     fps: float = 30.0,
 ) -> Iterator[RunFrame]:
-    """Frames with one mark for each hue. Each mark moves about a fixed point, by up to `FASTEST_PX` per frame.
+    """Frames with one mark for each hue. Each mark moves about a fixed point, at most `FASTEST_PX` between two frames.
 
     level: "good light" has little noise and no occluders; "whole range" has every effect, with random strength
     radius_px: radius of the marks at mid-picture [px]; None: random
@@ -184,7 +184,7 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
 def _surface(
     view: SyntheticView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
 ) -> Picture:
-    """Picture of the plane without marks; at the level "whole range" it shows blood and discs of other hues."""
+    """Picture of the plane without marks. At the level "whole range", blood and discs of other hues are visible."""
     if level == "good light":
         return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
     tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))
@@ -222,9 +222,9 @@ def _no_cover(time_s: float) -> list[Layer]:
 
 
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
-    """Function from a time [s] to occluding layers. In some runs there is a moving needle, a moving hand, or both.
+    """Function from a time [s] to the layers of a moving needle and a moving hand. A run may lack one or both of them.
 
-    Needle and hand move about the home position of a mark, so that they often cover it.
+    The needle and the hand move about the home position of a mark, so that they often cover the mark.
     """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)

@@ -22,11 +22,11 @@ BLACK = 4096
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A camera's sensor and software. By default they only round light to grey levels.
+    """A camera's sensor and software. The defaults only round light to grey levels.
 
     bayer: whether the sensor has a Bayer mosaic, RGGB from the first pixel on
-    full_well_e: number of electrons that light 1 gives; the variance of shot noise is light / full_well_e
-    read_noise_e: standard deviation of the noise in the dark [electrons]; more than 0 needs a finite full_well_e
+    full_well_e: number of electrons for light of 1; the variance of shot noise is light / full_well_e
+    read_noise_e: standard deviation of the noise in the dark [electrons]. If it is not 0, full_well_e must be finite.
     gains_bgr: gains of the white balance, applied after the noise
     gamma: whether grey levels follow the sRGB curve; if not, they are proportional to light
     jpeg_quality: quality of JPEG compression, 1 to 100; None: no compression
@@ -102,7 +102,7 @@ def _with_noise(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Pic
 
 
 def _counts(light: Picture) -> NDArray[np.uint16]:
-    """Sensor counts of light, from 0 to `FULL_SCALE`."""
+    """Convert light to sensor counts: digital numbers from 0 to `FULL_SCALE`."""
     counts = light * np.float32(FULL_SCALE - BLACK)
     counts += np.float32(BLACK + 0.5)
     np.clip(counts, 0, FULL_SCALE, out=counts)
@@ -111,6 +111,6 @@ def _counts(light: Picture) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=64)
 def _tone_table(gain: float, gamma: bool) -> Image:
-    """Grey level of each sensor count, (FULL_SCALE + 1,). gain: white balance; gamma: as in `Sensor`."""
+    """Grey level of each sensor count from 0 to FULL_SCALE. gain: gain of the white balance; gamma: as in `Sensor`."""
     light = np.clip((np.arange(FULL_SCALE + 1) - BLACK) * (gain / (FULL_SCALE - BLACK)), 0.0, 1.0)
     return np.rint(255.0 * (srgb_of(light) if gamma else light)).astype(np.uint8)

@@ -22,7 +22,7 @@ Box = tuple[int, int, int, int]
 SAMPLES_PER_PIXEL = 8
 """Number of sub-samples of a pixel along each axis. A disc may cover part of a sub-sample."""
 MOVING_SAMPLES_PER_PIXEL = 4
-"""Number of sub-samples of a pixel along each axis for a moving disc. Motion averages over the sub-samples."""
+"""Number of sub-samples of a pixel along each axis for a moving disc. Few suffice, because the motion averages them."""
 NODES = 9
 """Number of Chebyshev nodes along each axis of a box. In a box of 100 px, interpolation causes an error of 1e-6 px."""
 
@@ -66,7 +66,7 @@ class SyntheticView:
             raise ValueError("view translation_m: expected the lens off the plane, found it in the plane")
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Project points on the plane [m], (n, 2), to the picture [px], (n, 2). Raises ValueError behind the camera."""
+        """Map plane points [m], (n, 2), to the picture [px], (n, 2). Raises ValueError for points behind the lens."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         before = p @ self.rotation[:, :2].T + self.translation_m
         if not (before[:, 2] > 0).all():
@@ -82,7 +82,7 @@ class SyntheticView:
         return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Map positions in the picture [px], (n, 2), to the plane [m], (n, 2). Raises ValueError past the horizon."""
+        """Map pixels [px], (n, 2), to the plane [m], (n, 2). Raises ValueError for pixels past the horizon."""
         rays = self.rays(points_px)
         directions = np.column_stack([rays, np.ones(len(rays))])
         normal = self.rotation[:, 2]
@@ -93,7 +93,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """Square root of the area of a pixel on the plane [m]. center_m: the pixel's position there [m], (2,)."""
+        """Square root of a pixel's area on the plane [m]. center_m: position of the pixel on the plane [m], (2,)."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]
@@ -138,7 +138,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
     """For each pixel in a box, the share that a disc covers, averaged over the moments of the disc's path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
-    Returns shape (bottom - top, right - left), 0 to 1. From a radius of 2 px on, the disc's area is accurate to 1e-3.
+    Returns shape (bottom - top, right - left), 0 to 1. For a radius of at least 2 px, the area is accurate to 1e-3.
     """
     n_samples = SAMPLES_PER_PIXEL if len(path_m) == 1 else MOVING_SAMPLES_PER_PIXEL
     middle = path_m.mean(axis=0)
@@ -153,7 +153,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
 
 
 def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
-    """Positions x and y on the plane of all sub-samples in a box, relative to the origin [m], each (n_rows, n_columns).
+    """Positions of a box's sub-samples on the plane: x and y relative to origin_m [m], each (n_rows, n_columns).
 
     To save time, rays are traced only at Chebyshev nodes, then interpolated.
     """
@@ -164,7 +164,7 @@ def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: i
 
 
 def _interpolation(low: int, high: int, n_samples: int) -> tuple[Floats, Floats]:
-    """Chebyshev nodes from low to high [px], and the matrix that interpolates from the nodes to n_samples per pixel."""
+    """Chebyshev nodes from low to high [px], and the matrix from values at the nodes to n_samples values per pixel."""
     nodes, inverse = _nodes()
     n = (high - low) * n_samples
     at = 2.0 * (np.arange(n) + 0.5) / n - 1.0

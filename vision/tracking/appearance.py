@@ -1,7 +1,7 @@
 """Appearance model of a mark: views of the completely visible mark, and their best match in a picture.
 
-If blood of a mark's colour touches the mark, or a hand covers half of it, the pixels of this colour do not have the
-mark's shape. The picture is then compared pixel by pixel with earlier views. Image axes: u right, v down, in pixels.
+If blood of a mark's colour touches the mark, or if a hand covers half of it, the pixels of this colour do not have the
+mark's shape. In both cases, the picture is compared with earlier views. Image axes: u right, v down, in pixels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
     center_px: centre of the mark [px], (2,)
-    score: similarity inside the mark, minus the product of `AppearanceSettings.ring_weight` and around, -1.5 to 1.5
+    score: similarity inside the mark minus `AppearanceSettings.ring_weight` times around; from -1.5 to 1.5
     share: share of similar pixels in the mark
     around: similarity between the ring of pixels around the mark and the mark's colour, from -1 to 1
     color_bgr: median colour of the similar pixels [grey levels]
@@ -52,7 +52,7 @@ class _Template:
 
     inside, ring: pixels of the mark and of the ring around the mark, relative to the mark's centre, each (n, 2)
     colors: colours of the pixels `inside`, (n, 3)
-    core, behind: median colours of the pixels `inside` and `ring`, each (3,)
+    core: median colour of the pixels `inside`, (3,); behind: median colour of the pixels `ring`, (3,)
     """
 
     inside: NDArray[np.int64]
@@ -81,7 +81,7 @@ class _View:
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The view, transformed so that the mark has another shape. inverse: inverse of the other shape, (2, 2)."""
+        """The view, with another shape of the mark. inverse: inverse of this shape; half: half the new width [px]."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of the mark; unseen: number of frames since the last stored view, counted by the caller
+    hue_deg: hue of the mark; unseen: number of frames since the last stored view. The caller counts these frames.
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -134,7 +134,7 @@ class AppearanceModel:
 
         about_px, within_px: centre [px], (2,), and half width [px] of a square. If given, only positions in the square
             are compared.
-        another: whether the mark may have another colour, as in other light; its colour is then fitted at each position
+        another: whether to fit the mark's colour at each position, because the light may have changed
 
         Returns None if the expected position is too uncertain, or if mark and background cannot be distinguished.
         """
@@ -205,9 +205,10 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """Results of `likeness` and `AppearanceMatch.weighed` at every `step`-th position in a box.
+    """Result of `likeness`, and values of `AppearanceMatch.weighed`, at every `step`-th position in a box.
 
     part: part of the picture; corner: position of its first pixel; box: u0, v0, u1, v1 in the whole picture
+    another: whether the mark's colour is fitted at each position
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
@@ -226,7 +227,7 @@ def _weighed(
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:
-    """Scores from the result of `likeness`."""
+    """Scores from the evidence that `likeness` returns."""
     return evidence[0] - ring_weight * evidence[2]
 
 
@@ -240,7 +241,7 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distance of each pixel from its colour. Below 1, they are similar. pixels, colors: (n, 3) or (3,)."""
+    """Squared distance of each pixel from a colour. Below 1, both are similar. pixels, colors: (n, 3) or (3,)."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 

@@ -14,7 +14,7 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER
 
 SAME_CLASS_DEG = 1.0
-"""Largest difference between the hues of one kind of mark, which allows for rounding in files [degrees]."""
+"""Largest difference between two hues of the same kind of mark [degrees]. It allows for rounding in files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

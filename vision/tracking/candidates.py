@@ -40,17 +40,17 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """Least score of a match [1]: `score * max(color_distance, 1) ** 2`."""
+    """Least score that a match needs [1]: `score * max(color_distance, 1) ** 2`."""
     return score * max(color_distance, 1.0) ** 2
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether the ring of pixels around a match shows background: the ring is unlike the mark's colour."""
+    """Whether the ring of pixels around a match shows background, because its colours are unlike the mark's colour."""
     return match.around < settings.free
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Detection of a mark at the centre of a match. If the score is lower, the covariance is larger."""
+    """Detection of a mark at the centre of a match. The lower the match's score, the larger the covariance."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)
@@ -59,7 +59,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """Detection of a mark at a match. The match was found with a fitted colour.
+    """Detection of a mark at a match. The mark's colour was fitted to the picture, because the light may have changed.
 
     If a rim is near the match, the detection's centre is the mean of the match's centre and the rim's centre.
     frame_bgr: (height, width, 3) uint8

@@ -40,7 +40,7 @@ class Distractor:
 class _Level:
     """Areas of objects in a mark's hue, as numbers of sampled pixels outside the marks.
 
-    of_late: area of all objects in each of the last `DistractorSettings.stands` frames; n_seen: number of frames
+    of_late: area of all objects in each of the last `DistractorSettings.stands` frames; n_seen: number of frames so far
     known: area of known objects; reported: area of new objects in the last report
     """
 
@@ -53,9 +53,9 @@ class _Level:
 class DistractorWatch:
     """Reports each new or growing object in a mark's colour once, if its area is comparable to the area of a mark.
 
-    To save time, only a few pixels per mark diameter are examined. Known objects are not reported. An object
-    is known if it is in the first frames, or if it has a mark's colour only since the colour range was adapted. While a
-    mark is missing, no object of its hue is reported, because the object may be the mark.
+    To save time, only a few pixels per mark diameter are examined. Known objects are not reported. An object is known
+    if it is in the first frames, or if it has a mark's colour only because the colour range was adapted. While a mark
+    is missing, no object of its hue is reported, because the object may be the mark.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -70,7 +70,7 @@ class DistractorWatch:
         expected: Sequence[Expected],
         found: Mapping[str, Detection],
     ) -> tuple[Distractor, ...]:
-        """Search a frame for new objects. Returns those that are reported.
+        """Search a frame for distractors. Returns the new and the grown ones.
 
         hues: present colour range of each kind of mark, by nominal hue
         expected: all marks; found: detections of the found marks by name
@@ -101,7 +101,7 @@ class DistractorWatch:
         return tuple(distractors)
 
     def _step(self, frame_bgr: Image, radius_px: float) -> int:
-        """Distance between sampled pixels [px]."""
+        """Distance between sampled pixels [px]. radius_px: radius of the smallest mark."""
         s, (height, width) = self._settings, frame_bgr.shape[:2]
         return max(1, int(s.spacing * radius_px), ceil((height * width / s.most_samples) ** 0.5))
 
@@ -122,7 +122,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether a new object is reported. n: number of sampled pixels of the hue; mark: number in one mark."""
+        """Whether to report new objects. n: area of all objects; mark: area of a mark; both in sampled pixels."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -154,7 +154,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """Mask of the sampled pixels of each hue: 1, else 0, (h, w) uint8. Isolated pixels are removed."""
+    """For each hue, mask of the sampled pixels of this hue: 1, else 0, (h, w) uint8. Isolated pixels are removed."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
@@ -163,5 +163,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """Mask of the pixels that belong to a square of 2 x 2 set pixels."""
+    """Mask of the set pixels that lie in a completely set block of 2 x 2 pixels."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

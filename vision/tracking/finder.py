@@ -19,12 +19,12 @@ from vision.tracking.templates import AppearanceTemplates
 
 
 class MarkFinder:
-    """Finds marks by their hue and names them by their expected positions, frame after frame.
+    """Finds marks in successive frames by their hue, and names them by their expected positions.
 
     The finder searches near expected positions. In the first frame, and if a mark is missing, it searches the whole
     picture.
     hues: colour range of each kind of mark; settings: settings of all stages
-    explain: whether to record the reasons for missing marks in `lost`, and new distractors in `came`
+    explain: whether to record in `lost` why marks are missing, and in `came` which distractors are new
 
     Raises HueError if two marks of one hue have different colour ranges. Raises ValueError for an unknown stage.
     """

@@ -17,7 +17,7 @@ N_FITS = 2
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
-    """Pixels inside a mark, and in the ring around the mark, relative to the mark's centre, each (n, 2).
+    """Pixels inside a mark, and pixels of the ring around it, both relative to the mark's centre, each (n, 2).
 
     inverse: inverse of the mark's shape, (2, 2); half: distance from the centre to the ring's outer edge [px]
     margin, ring_px: see `AppearanceSettings`
@@ -64,7 +64,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write the weight of each channel of n colours for `_squared_distance` into `weights`; both (n, 3)."""
+    """Write the weights that `_squared_distance` needs for each of n colours, (n, 3), into `weights`, (n, 3)."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -82,8 +82,8 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
     """Compare a picture with a mark's appearance at each position in a box. Returns six values, (6, height, width).
 
-    The values are the similarity inside the mark, the share of similar pixels, the similarity between the ring and
-    the mark's colour, and the mark's median colour (three channels).
+    The values are the similarity of the pixels inside the mark, the share of these pixels that are similar, the
+    similarity of the ring to the mark's colour, and the mark's median colour (three channels).
     """
     shade, noise, _, hidden = settings
     u0, v0, u1, v1 = box
@@ -127,7 +127,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """Fit the mark's colour at positions `step` pixels apart. Compare with this colour as `likeness` does."""
+    """Results of `likeness` at positions `step` pixels apart. The mark's colour is fitted at each position."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box
@@ -169,9 +169,9 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """Fit the mark's colour at a position, first to all pixels, then only to the pixels similar to the first fit.
+    """Fit the mark's colour at a position, first to all pixels, then only to the pixels of a similar colour.
 
-    Writes the median colour into own_core, (1, 3), all colours into own_colors, and their weights into weights, (n, 3).
+    Writes the fitted colours into own_core, (1, 3), and own_colors, (n, 3), and the weights of own_colors into weights.
     """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0

@@ -34,8 +34,8 @@ class Rejections:
     """What the finder rejected in one frame.
 
     pieces: rejected groups of connected pixels; detections: rejected detections, each with the reason
-    dropped: reason and detection of each mark that one stage found and a later stage rejected, by name of the mark
-    flooded: the error if a hue covers most of the picture; otherwise None
+    dropped: reason and detection of each mark that was found and later rejected, by name of the mark
+    flooded: HueError of a hue that covers most of the picture; None: there is no such hue
     """
 
     pieces: list[Rejected] = field(default_factory=list)
@@ -44,7 +44,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Record a rejected candidate. If the reason is None, nothing is recorded: a later stage may find the mark."""
+        """Record a rejected candidate. Without a reason, nothing is recorded: a later stage may find the mark."""
         if reason is None:
             return
         if name is not None:
@@ -53,7 +53,7 @@ class Rejections:
             self.detections.append((seen, reason))
 
     def begin_again(self) -> None:
-        """Clear the rejections of earlier stages, before the whole picture is searched."""
+        """Clear all rejections, because the whole picture will be searched."""
         self.pieces.clear()
         self.detections.clear()
         self.dropped.clear()
@@ -73,16 +73,16 @@ def lost_marks(
     found: detections of the found marks, by name; unassigned: detections that belong to no expected mark
     size_px: width and height of the picture
 
-    If several reasons apply, the first in this list is returned. (1) A hue covers the picture. (2) The mark was found
-    but rejected later. (3) A large group of rejected pixels, a rejected detection or another mark lies within the gate
-    around the expected position. (4) A detection of this hue lies beyond the gate. (5) The expected position is outside
-    the picture. (6) The expected area of the mark is below `BLOCK_AREA_PX`. (7) Too few pixels have the hue.
+    The first reason that applies is returned. (1) A hue covers the picture. (2) The mark was found but rejected later.
+    (3) A large group of rejected pixels, a rejected detection or a found mark of this hue lies within the gate around
+    the expected position. (4) A detection of this hue lies beyond the gate. (5) The expected position is outside the
+    picture. (6) The mark's expected area is below `BLOCK_AREA_PX`. (7) Too few pixels have this hue.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """The lost mark. If the mark is expected to be small, the reason FEW_PIXELS is replaced by SMALL."""
+    """The lost mark, with the reason SMALL in place of FEW_PIXELS if the mark is expected to be too small."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
@@ -134,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance from the expected position to rejected pixels, which may be any part of the mark."""
+    """Squared Mahalanobis distance of rejected pixels from the expected position. They may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
@@ -142,6 +142,6 @@ def _piece_distance(one: Expected, piece: Rejected) -> float:
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Least size of a group of rejected pixels that is large in the sense of `lost_marks` [px]."""
+    """Least number of pixels for which `lost_marks` calls a group of rejected pixels large [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

@@ -30,10 +30,10 @@ class AssociationSettings:
     """Settings of the association of detections with marks.
 
     gate: largest squared Mahalanobis distance of a detection from its mark's expected position [1]; source: chi-square,
-        2 dof, 99.99 %. Two touching marks are rejected if an exchange of their names increases the sum of their
-        squared distances by less than gate.
-    impulse_gate: value that replaces gate for marks that an impulse may have moved, if there are more detections than
-        missing marks [1]; source: chi-square, 2 dof, 99 %
+        2 dof, 99.99 %. Two touching marks are rejected if an exchange of their names increases the sum of their squared
+        distances by less than gate.
+    impulse_gate: smaller gate for marks that an impulse may have moved [1]; source: chi-square, 2 dof, 99 %. It applies
+        if more detections are unassigned than marks are missing.
     """
 
     gate: float = GATE
@@ -55,9 +55,9 @@ class AppearanceSettings:
         The loss for a pixel that resembles the background is 1.
     ring_weight: loss of score per unit of similarity between ring and mark [1]; choice
     prior: loss of score per squared Mahalanobis distance from the expected position [1]; choice
-    other_prior: the same loss if the mark's colour is fitted [1]; choice
-    max_reach_px: largest half width of the search around the expected position [px]; choice. If the gate is wider, the
-        mark is not searched by its appearance.
+    other_prior: value that replaces prior if the mark's colour is fitted [1]; choice
+    max_reach_px: largest half width of the search around the expected position [px]; choice. If the expected position
+        is too uncertain for this width, the mark's appearance is not searched.
     """
 
     n_views: int = 5
@@ -88,14 +88,14 @@ class CandidateSettings:
     share: least share of similar pixels in the mark [1]; choice
     free: similarity between ring and mark below which the ring is certainly background [1]; choice
     free_share: least share of similar pixels in the mark if the ring is certainly background [1]; choice
-    other_margin: increase of the least score if the mark's colour is fitted [1]; choice. Also, for a fitted colour, the
-        similarity between ring and mark must not exceed -other_margin.
+    other_margin: increase of the least score if the mark's colour is fitted [1]; choice. If the colour is fitted, the
+        similarity between ring and mark must also be at most -other_margin.
     min_sd_px, max_sd_px: least and largest standard deviation of a match's centre [px]; choice
     best_score: least score at which the standard deviation of the centre is min_sd_px [1]; choice
-    growth: increase of the logarithm of the centre's standard deviation per unit of score below best_score [1]; choice
+    growth: factor g in the centre's standard deviation, `min_sd_px * exp(g * (best_score - score))` [1]; choice
     rim_gain: standard deviation that is added if a match's centre is averaged with a rim's centre, relative to the
         distance between these centres [1]; choice
-    shared: factor on the covariance of the weighted mean of a detection and a match [1]; choice. It allows for
+    shared: factor on the covariance of the weighted mean of a detection and a match [1]; choice. The factor allows for
         correlated errors of the detection and the match.
     """
 
@@ -116,9 +116,9 @@ class CandidateSettings:
 class TemplateSettings:
     """Settings of appearance models: when detections are compared with them, and when views are stored.
 
-    clear_sd_px: largest standard deviation of the centre of a detection that is not compared with a model [px]; choice
-    whole_sd_px: largest standard deviation of the centre of a detection whose view is stored [px]; choice
-    unknown_sd_px: largest standard deviation of the centre of a detection that is accepted without a match [px]; choice
+    clear_sd_px: largest standard deviation of a detection's centre that needs no comparison with a model [px]; choice
+    whole_sd_px: largest standard deviation of a detection's centre if its view is stored [px]; choice
+    unknown_sd_px: largest standard deviation of a detection's centre if no match is needed for acceptance [px]; choice
     refresh: number of frames after which a new view replaces the oldest view [1]; choice
     forget: number of frames without a new view after which a model is deleted [1]; choice
     near_px: largest distance between the centres of a detection and of a match that agree [px]; choice
@@ -142,7 +142,7 @@ class HueTrackingSettings:
     max_drift: largest drift of the hue since the start, relative to the half width of the colour range [1]; choice
     hue_sd_deg: least standard deviation of the hue of marks of one kind [degrees]; choice
     saturation_sd: least standard deviation of the saturation of marks of one kind [1]; choice
-    max_scatter: largest standard deviations that are learned, relative to hue_sd_deg and saturation_sd [1]; choice
+    max_scatter: factor from hue_sd_deg and saturation_sd to the largest learned standard deviations [1]; choice
     n_learned: number of frames with the mark before detections of another colour are rejected [1]; choice
     gate: largest squared Mahalanobis distance of hue and saturation [1]; source: chi-square, 2 dof, 99.9 %
     learning: settings of the first colour range; `paler` and `darker` also apply to the adapted colour range
@@ -160,17 +160,17 @@ class HueTrackingSettings:
 
 @dataclass(frozen=True, slots=True)
 class DistractorSettings:
-    """Settings for reports of distractors in a mark's colour.
+    """Settings for reports of distractors in a mark's colour. The limits least, grows and wavers apply together.
 
     spacing: distance between sampled pixels, relative to the radius of the smallest mark [1]; choice
     most_samples: largest number of sampled pixels in a frame [1]; choice: sampling takes 0.1 ms
     around: distance from a mark's centre within which pixels are ignored, relative to the mark's radius [1]; choice
-    stands: number of successive frames that must show a new object before its report [1]; source: a fault is to be
-        reported within three frames
+    stands: number of successive frames that must show a new object before its report [1]; source: requirement to report
+        a fault within three frames
     settled_frames: number of frames at the start [1]; choice. Objects in these frames are known, not new.
     least: least reported area of new objects of one hue, relative to the area of a mark [1]; choice
-    grows: least reported area of new objects, relative to the area in the last report [1]; choice
-    wavers: least reported area of new objects, relative to that of known objects [1]; choice. All three limits apply.
+    grows: least reported area of new objects, relative to their area in the last report [1]; choice
+    wavers: least reported area of new objects, relative to the area of known objects [1]; choice
     """
 
     spacing: float = 0.5
@@ -188,7 +188,7 @@ class FinderSettings:
     """Settings of `MarkFinder`. Each part of the finder has a settings record of its own.
 
     min_radius_px: least radius of a mark for which outline and appearance are used [px]; choice
-    stages: names of the stages that run, in their order; source: the list in `vision.tracking.stages`
+    stages: names of the stages that run, in this order; source: the list in `vision.tracking.stages`
     """
 
     min_radius_px: float = 3.5

@@ -34,16 +34,16 @@ SMALL_SHARE = 0.2
 
 @dataclass(slots=True, eq=False)
 class Search:
-    """The search for the marks of one frame, passed from stage to stage.
+    """State of the search for the marks of one frame. Each stage reads and changes it.
 
     frame_bgr: (height, width, 3) uint8
     expected, expected_after_impulse: see `MarkFinder.find`
     hues: adapted colour range of each kind of mark, by nominal hue
     templates: appearance models
-    missed: names of marks that were not found in the last frame; None in the first frame
+    missed: names of marks that were not found in the last frame; None if this frame is the first
     rejections: record of rejections; None: not recorded
     found: detections by the name of their mark; unassigned: detections that belong to no mark
-    regions: search regions, see `search_regions`; where: expected marks by name
+    regions: search regions, see `search_regions`; where: the marks of `expected` by name
     """
 
     frame_bgr: Image
@@ -83,7 +83,7 @@ class Search:
 class Candidate:
     """A detection that may be a mark.
 
-    detection: the detection; None: an earlier detection of the mark `name` is rejected
+    detection: the detection; None: the earlier detection of the mark `name` is withdrawn
     name: name of the mark; None: the name is found by association
     match: match of the appearance model, if the detection was made from a match
     margin: increase of the sum of squared Mahalanobis distances if this mark and a touching mark exchange their names
@@ -99,8 +99,8 @@ class Candidate:
 class Stage:
     """One stage of the finder.
 
-    propose: yields candidates; accept: whether a candidate passes the test of the stage
-    reason: reason that is recorded for a rejected candidate; None: a later stage decides
+    propose: function that yields candidates; accept: test of a candidate, True if it passes
+    reason: recorded reason of a rejected candidate; None: nothing is recorded, because a later stage may find the mark
     """
 
     name: str
@@ -130,7 +130,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """If all marks were found in the last frame: the marks that are alone in their search region."""
+    """Detections of marks that are alone in their search region. There are none if the last frame lacked a mark."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -164,9 +164,9 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
-    """If a mark is missing: detections in the whole picture. All earlier assignments in this frame are discarded.
+    """Detections in the whole picture, if a mark is missing. All earlier assignments in this frame are discarded.
 
-    Raises HueError if a hue covers most of the first picture.
+    Raises HueError if a hue covers most of the picture in the first frame.
     """
     if len(search.found) == len(search.expected):
         return
@@ -207,7 +207,7 @@ def _has_color(search: Search, _candidate: Candidate, seen: Detection) -> bool:
 
 
 def _after_impulse(search: Search) -> Iterator[Candidate]:
-    """Unassigned detections near the positions of missing marks after an impulse."""
+    """Unassigned detections near the positions at which missing marks are expected after an impulse."""
     missing, elsewhere = [one.name for one in search.missing], search.expected_after_impulse
     if elsewhere is None or not missing or not search.unassigned:
         return
@@ -253,7 +253,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is similar enough to its mark, and away from all found marks (`Search.is_apart`)."""
+    """Whether a match is similar enough to its mark, and `Search.is_apart` is true for its detection."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -261,7 +261,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Detections of missing marks with a fitted colour, by the appearance models of all marks of the same hue."""
+    """Detections of missing marks with a fitted colour, from the appearance models of all marks of the same hue."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -271,7 +271,7 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection is away from all found marks (`Search.is_apart`)."""
+    """Whether `Search.is_apart` is true for a detection."""
     return search.is_apart(seen)
 
 
@@ -283,7 +283,7 @@ def _by_rim(search: Search) -> Iterator[Candidate]:
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind of mark, and is away from all found marks (`Search.is_apart`)."""
+    """Whether a detection has the colour of its kind of mark, and `Search.is_apart` is true for it."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 
@@ -338,7 +338,7 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of the marks, empty if a mark is too small, and the least and the largest area of a component [px]."""
+    """Outlines of the marks, and limits of a component's area [px]. If a mark is too small, there are no outlines."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None

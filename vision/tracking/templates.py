@@ -45,7 +45,7 @@ class AppearanceTemplates:
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Store a view of a completely visible mark. A full model gets one only every settings.refresh frames."""
+        """Store a view of a completely visible mark. A full model stores one view in every settings.refresh frames."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count a frame. Delete each model that has had no new view for more than `TemplateSettings.forget` frames."""
+        """Count a frame for each model. Delete models without a new view for over `TemplateSettings.forget` frames."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -68,10 +68,10 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """Compare a detection with the best match of the mark's appearance model in the picture.
+        """Compare a detection with the best match of the mark's appearance model.
 
-        If detection and match agree, returns their weighted mean. If they do not agree, returns the one that resembles
-        the mark more, or None if neither resembles the mark.
+        If the detection and the match agree, the result is their weighted mean. Otherwise, the result is the one of the
+        two that resembles the mark more. If neither of them resembles the mark, the result is None.
         frame_bgr: (height, width, 3) uint8
         color_distance: function such as `AdaptiveHue.distance`
         """
@@ -119,13 +119,13 @@ class AppearanceTemplates:
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
     def match_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
-        """The best match of the models of all marks with the same hue. The mark's colour is fitted at each position."""
+        """The best match of the models of all marks of this mark's hue. The colour is fitted at each position."""
         models = [model for model in self._known.values() if model.hue_deg == one.hue_deg]
         matches = [model.place(frame_bgr, one, another=True) for model in models]
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """The detection, combined with a match near it; None if the match must be searched at other positions, too."""
+        """Result of `checked` from matches near the detection; None if matches elsewhere must be searched, too."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
@@ -135,7 +135,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """Score of the mark's appearance model at the position of a detection."""
+        """Score of the mark's appearance at the position of a detection."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score
