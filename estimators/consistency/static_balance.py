@@ -149,7 +149,7 @@ class StaticBalance:
         return Balance(nodes, force, cov + directions @ directions.T)
 
     def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
-        """External force f, see the module, from the marks of one frame [N], (m,)."""
+        """External force f from the marks of one frame [N], (m,). The module defines f."""
         if nodes not in frame.forces:
             network, seen = self._network, self._condensed(nodes)
             x = self._rest[network.free].ravel()

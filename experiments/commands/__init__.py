@@ -1,4 +1,4 @@
-"""A function for each subcommand, in a file for each kind of task, registered in `app.py`.
+"""One function per subcommand, registered in `app.py`; one file per kind of task.
 
 Options, calls and printing belong here. Each function imports what it needs when it runs, so that --help is fast.
 """

@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if the recording has films and a mark of `nodes` is inside the body, where films show none."""
+    """Raise InputError if the recording has films and a mark of `nodes` is inside the body, where it is not filmed."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"

@@ -80,7 +80,7 @@ class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
     marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: position of the target, as x,y,z
-    regions: tissue of each label, as LABEL=TISSUE; driven: whether the wall (the fixed nodes) moves
+    regions: tissue of each label, as LABEL=TISSUE; driven: whether the wall and its nodes move
     """
 
     path: Path

@@ -31,7 +31,7 @@ def film(
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures of the true motion, (height, width, 3) BGR.
 
-    camera: by default, the first camera of a scene in the plane
+    camera: default for a scene in the plane: its first camera
     times_s: exposure times [s]; by default, all times of `truth`
     """
     camera = scene.cameras[0] if camera is None else camera

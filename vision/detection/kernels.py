@@ -615,7 +615,7 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
 
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: as in `Outline`
     settings: from `OutlineSettings.for_kernel`
-    Returns centre u, v, its covariance uu, uv, vv, and the values share, beyond and size of `Fitted`.
+    Returns the centre u, v, its covariance uu, uv, vv, and `share`, `beyond`, `size` of `Fitted`.
     """
     near_px, correlation_px, _, _, min_share, whole_share, reach = settings
     fit = np.array([start[0], start[1], 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])

@@ -134,7 +134,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of rejected pixels from the expected position. They may be any part of the mark."""
+    """Squared Mahalanobis distance of a rejected piece from the expected mark, of which it may be any part."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)

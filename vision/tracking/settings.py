@@ -116,12 +116,12 @@ class CandidateSettings:
 class TemplateSettings:
     """Settings of appearance models: when detections are compared with them, and when views are stored.
 
-    clear_sd_px: largest standard deviation of a detection's centre that needs no comparison with a model [px]; choice
-    whole_sd_px: largest standard deviation of a detection's centre if its view is stored [px]; choice
-    unknown_sd_px: largest standard deviation of a detection's centre if no match is needed for acceptance [px]; choice
+    clear_sd_px: largest standard deviation of the centre at which a detection needs no comparison [px]; choice
+    whole_sd_px: largest standard deviation of the centre at which a detection's view is stored [px]; choice
+    unknown_sd_px: largest standard deviation of the centre at which a detection needs no match [px]; choice
     refresh: number of frames after which a new view replaces the oldest view [1]; choice
     forget: number of frames without a new view after which a model is deleted [1]; choice
-    near_px: largest distance between the centres of a detection and of a match that agree [px]; choice
+    near_px: up to this distance between their centres, a detection and a match agree [px]; choice
     plain_score: least score at which a match near a detection is accepted without a search elsewhere [1]; choice
     """
 

@@ -115,7 +115,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Acceleration of each coordinate (row) by each unit force (column), (n, n_f); source of each force, (n_f,)."""
+        """Acceleration of each coordinate (row) by each unit force (column), (n, n_f); index in `SOURCES`, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))

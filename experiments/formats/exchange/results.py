@@ -32,7 +32,7 @@ class Results:
     """A table of results of a run.
 
     table: content of the file; columns: names of the file's columns, in order
-    times_s: exposure time of each row's frame [s], (n,); for a row without a frame, the time in the file
+    times_s: time at which each row's frame was exposed [s], (n,); for a row without a frame, the time in the file
     frames: index of each row's frame, (n,), -1 for a row without a frame
     """
 

@@ -55,7 +55,7 @@ def is_folder(source: Path) -> bool:
 
 
 def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
-    """The frames with these exposure times [s]; InputError if they cannot be opened."""
+    """The frames exposed at these times [s]; InputError if they cannot be opened."""
     with placed("", SourceError):
         if is_folder(source):
             return FolderFrames(source, exposures_s)
