@@ -64,7 +64,7 @@ class TargetMap:
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
     """Map from a state to the position of a target, which is a point of the tissue or the name of a node.
 
-    Raises NetworkError for unknown nodes. Raises ValueError if the target does not move with any free node, or for an invalid offset.
+    Raises NetworkError for unknown nodes. Raises ValueError if no free node moves the target, or for an invalid offset.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target
     offset = np.array(point.offset_m or np.zeros(network.dim), dtype=float)
