@@ -125,7 +125,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
     """Descriptions of faults, grouped by the `beginning` of the text displayed for them (column `shown`)."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
-        notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
+        notes = [_times(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
         notes += [f"covered {row.covered}/{row.seeds}"] if row.covered < row.seeds else []
         notes += [f"GO wrong {row.go_shown_while_faulty}/{row.go}"] if row.go_shown_while_faulty else []
         one = f"{row.what} ({', '.join(notes)})" if notes else row.what
@@ -137,10 +137,6 @@ def beginning(shown: str) -> str:
     """Status and reason, the first two parts of a displayed text; only the status if the reason repeats it."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
-
-
-def _slowest(n: int, slowest_ms: float, seeds: int) -> str:
-    return f"{slowest_ms:.0f}" if n == seeds else f"{slowest_ms:.0f} in {n}/{seeds}"
 
 
 def _times(n: int, slowest_ms: float, seeds: int) -> str:

@@ -259,14 +259,14 @@ def test_the_table_tells_the_slowest_and_the_sum():
     quiet, bled, _, go = markdown(rows).splitlines()
     assert quiet == "- **no report**: no fault"
     blood = "blood as red as a mark runs over the picture"
-    assert bled == f"- **COASTING**: {blood} (20 in 1/2, covered 1/2, GO wrong 3/11)"
+    assert bled == f"- **COASTING**: {blood} (20 ms, 1 of 2, covered 1/2, GO wrong 3/11)"
     assert go == "GO wrong: 3 of 101."
 
 
 def test_faults_that_show_the_same_share_a_line():
     seen = {"noticed": 2, "noticed_ms": 88.0, "seeds": 2, "covered": 2, "go_shown_while_faulty": 0, "go": 9}
     rows = pd.DataFrame([{"what": what, "shown": "LOST: the estimate is LOST", **seen} for what in ("dark", "bright")])
-    assert by_shown(rows) == {"LOST": ["dark (88)", "bright (88)"]}
+    assert by_shown(rows) == {"LOST": ["dark (88 ms)", "bright (88 ms)"]}
 
 
 def test_the_page_shows_status_and_reason_without_advice():
