@@ -81,7 +81,7 @@ def record(
     seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this time [s].")] = None,
     fps: Fps = None,
     recover: Annotated[
-        Path | None, typer.Option("--recover", help="Folder of a killed recording, whose pieces are joined to a film.")
+        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces to a film.")
     ] = None,
     force: Force = False,
 ) -> Answer:

@@ -119,7 +119,7 @@ def insert(
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Insert a simulated needle into moving tissue with five policies; compare predicted with observed hit rates."""
+    """Insert a simulated needle into moving tissue with five policies; report misses, predicted and observed hits."""
     run.not_with("--scheduler", "--processes")
     from experiments.commands.console import insertion_lines, insertion_table
     from experiments.engine.workers import Workers, workers_for

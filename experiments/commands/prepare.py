@@ -216,7 +216,7 @@ def register(
         typer.Option("--out", help="Scene file to write; a mesh is written into the same folder.", show_default=False),
     ],
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.0, help="Average the points over this time from the start [s].")
+        float, typer.Option("--seconds", min=0.0, help="Average the points over this initial time [s].")
     ] = 1.0,
     force: Replace = False,
 ) -> Answer:

@@ -84,7 +84,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """Name of the module of a function, or of the function that a `functools.partial` gets as a keyword argument."""
+    """Name of a function's module; for a partial, of the function among its keywords, otherwise of the one it calls."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)

@@ -53,7 +53,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
     """Yields a map function. It uses only this process until one call takes WORTH_S; later calls use all cores.
 
     n_cores: number of cores; by default all
-    ahead: if True, all calls use all cores
+    ahead: if True, the other processes start now, and all calls use all cores
     Functions and arguments of the map function must be picklable.
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores

@@ -133,6 +133,7 @@ def run_study(
     """Do each run that has no successful result in the folder, and write the folder's table.
 
     work: function of a case; it returns a row of the table as a mapping, or a list of rows
+        with numbers, texts, booleans and lists of numbers
     cases: mappings of JSON types, no two of them equal; their top-level numbers and texts become columns
     advance: called with the completed share
 
@@ -215,6 +216,7 @@ def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
     """The rows of the runs with these keys, in the order of the keys.
 
     If a run was done several times, only one of its results is used: a successful one if possible.
+    The rows of a run must be contiguous.
     """
     if kept is None:
         return table_of([])

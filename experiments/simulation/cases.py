@@ -193,7 +193,8 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
 def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
     """The plan if no needle file is stated: the needle points down, along gravity.
 
-    In a user's scene the needle enters above the resting target, at the height of the highest node.
+    In a user's scene the needle enters above the resting target, at the height of the highest node, but at least
+    25 mm above the target, as in the phantom.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))

@@ -36,7 +36,7 @@ SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
 """Thresholds of the hit probability for the start of an insertion. They are low, because poked tissue cannot be
-predicted half a second ahead."""
+predicted half a second ahead. At the commitment, the threshold is `go` of the needle's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,10 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 def _committed(
     world: World, policy: Policy, robot: _Robot, state: Floats, when: tuple[float, float], aside_m: Floats
 ) -> Tried | None:
-    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle."""
+    """Result of an insertion from the commitment to the arrival; None if the policy retracts the needle.
+
+    when: present time, and time until arrival [s]; aside_m: sideways motion in that time [m], (dim - 1,)
+    """
     (now, left), case, plan, axis = when, world.case, world.case.plan, robot.axis
     needle, speed = plan.needle, plan.insertion.speed_m_s
     tip, cov = robot.tip(world.entry, speed * left, aside_m), needle.tip_cov(axis, robot.depth + speed * left)
@@ -215,6 +218,7 @@ def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) 
     """Time at which the needle is as deep as the target [s], and the target's position then [m], (dim,).
 
     If the path ends earlier, the result is the time and the position at the end of the path.
+    axis: direction of the needle; None for a needle that is turned towards the target
     """
     plan = world.case.plan
     speed, away = plan.insertion.speed_m_s, path.means - world.entry

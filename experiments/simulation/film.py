@@ -78,7 +78,7 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """A camera's picture of the marks that face it.
+    """A camera's picture of the measured marks and reference marks that face it.
 
     positions: positions of the nodes [m], (n_nodes, 3)
     strays: discs that are not marks; covered: nodes whose marks are covered

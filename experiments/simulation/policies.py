@@ -198,6 +198,7 @@ class Ahead(Filtered):
     """Policy: predict the target's position at the time when the needle arrives, and aim at this position.
 
     While the breathing model is valid, the prediction is a mixture of the predictions by this model and by the filter.
+    The model describes motion without the needle; the target's shift by the needle is added to its prediction.
     """
 
     name = "filter-ahead"
@@ -257,7 +258,7 @@ def _tables(model: bytes, ahead_s: float) -> AheadTables:
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
-    """The tissue's state, the open-loop policy and the filter after the last frame of the warm-up."""
+    """The tissue's state at the first frame after the warm-up; open-loop policy and filter after the frame before."""
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)
     tissue, paper = TissueFilter(*own, uncertainty=given.uncertainty), Paper(world)

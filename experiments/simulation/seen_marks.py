@@ -41,7 +41,11 @@ def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> 
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
-    """Recording of noisy marks of a true motion, with the target's true positions. No reference mark is missing."""
+    """Recording of noisy marks of a true motion, with the target's true positions. No reference mark is missing.
+
+    If the generator is the same, sd_mm only scales the noise, and a larger share of missing marks includes the marks
+    that are missing at a smaller share.
+    """
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}
     places = motion.positions[:, [column[node] for node in scene.measured_nodes]]

@@ -20,6 +20,7 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
     """The scene with moved body, gravity, target and reference marks. `mesh_file` is the file of the moved mesh.
 
+    Gravity turns with the body, so that the body's rest shape does not change.
     Raises SceneError if the moved scene is not valid, for example if a mark is beyond a camera's horizon.
     """
     mesh, drawn = None, scene.network

@@ -25,7 +25,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators. If position_sd_m is not stated, the standard deviation is 0."""
+        """The target for estimators. If position_sd_m is not stated, it is 0 here; advice uses a default."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

@@ -61,7 +61,7 @@ class Body:
     times_s: times of the frames [s], (n_frames,)
     positions: true positions of the nodes [m], (n_frames, n_nodes, dim)
     marked: names of the visible nodes; mark_sd_m: standard deviation of a mark on each axis [m]
-    at_rest: whether the body is at rest in the drawn shape
+    at_rest: whether rest lengths follow from the drawn shape, because the body is at rest in it
     in_line: whether the nodes form a line, in their order
     led: marked nodes that the simulation moves along a path
     kinds: the kind of each spring. Identification finds a factor for each kind; if `kinds` is empty, for each spring.

@@ -101,6 +101,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     over_two = 16.0 * bend / (length * BEND_RAD) ** 2
     stiffness = np.r_[np.full(n, LINK_N_M * scale.k), np.full(n - 1, over_two)]
     damping = np.r_[np.full(n, LINK_N_S_M * scale.c), np.full(n - 1, over_two * slow / bend)]
+    # the user's springs over two segments also resist stretching, as do links that can stretch
     stretches = [
         _stretch("1 0 0", scale, k + along * over_two, c + along * over_two * slow / bend)
         for k, c, along in zip(stiffness[:n], damping[:n], [2.0, *[4.0] * (n - 2), 2.0], strict=True)
@@ -144,7 +145,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
     """A smooth random path of the cable's moved end: a function of the time that gives a position [m], (3,).
 
-    At time 0 the cable is straight. After rise_s [s] the cable is slack, and its moved end stays near one point.
+    At time 0 the cable is straight. From rise_s [s] on, the end moves about a point at which the cable is slack.
     """
     waves = (6, 3)
     w, phase = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, waves), rng.uniform(0.0, 2.0 * np.pi, waves)

@@ -36,6 +36,7 @@ PULL = 0.2
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
     """A soft block that hangs from a plate; it is pressed from below and released. Marks on its surface are visible.
 
+    The block hangs, because a soft block that stands would buckle.
     press: largest pressure relative to Young's modulus [1]
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
@@ -211,7 +212,10 @@ def _on_hull(grid: Floats) -> NDArray[np.bool_]:
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Springs along edges and face diagonals of a grid, (n_springs, 2), and factors on the stiffness, (n_springs,)."""
+    """Springs along edges and face diagonals of a grid, (n_springs, 2), and factors on the stiffness, (n_springs,).
+
+    A factor is the share of a spring's cross section that lies inside the body.
+    """
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

@@ -97,7 +97,7 @@ OTHERS = 60
 """Number of landmarks without a mark that become nodes of a network; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Prior of a breath's forces, which are smooth over the lung. Their acceleration is 1 % of gravity; choice."""
+"""Prior of a breath's forces: smooth over the lung, without pokes of single marks, 1 % of gravity; choice."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
 """Prior of the displacements that the network does not model; choice, as two frames do not determine their size."""

@@ -198,7 +198,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Start of the first period of `STEADY_S` without displayed fault or wrong estimate [s]; None if there is none."""
+    """Start of the first `STEADY_S` without displayed fault or wrong estimate, from over_s on [s]; None without any."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -217,7 +217,10 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """Send Ctrl-C unless the film ends soon; returns the film time at which the evaluated period ends [s]."""
+        """Send Ctrl-C unless the film ends soon; returns the film time at which the evaluated period ends [s].
+
+        If the process has ended before the film, the result is inf.
+        """
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -246,7 +249,10 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Time from the end of the stored data to the last frame that the viewer showed before the time until_s [s]."""
+        """Time from the end of the stored data to the last frame that the viewer showed before the time until_s [s].
+
+        If the data cannot be read, the time begins at the first frame that the viewer showed.
+        """
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0

@@ -23,7 +23,7 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 class Viewer:
     """A client of the stream. After it has shown a state, it requests the newest state.
 
-    Like the page, it shows STALE in two cases: if no state has arrived for STALE_S, and if the delay of a state exceeds
+    Like the page, it shows STALE in two cases: if nothing has arrived for STALE_S, and if the delay of a state exceeds
     the smallest delay so far by more than STALE_S.
 
     motion: true motion of all nodes; target: index of the target node

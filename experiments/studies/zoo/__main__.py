@@ -29,7 +29,7 @@ from experiments.studies.zoo.run import record_of
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Largest permitted mean of the error ratios, largest ratio of a row, and least and largest coverage of a row."""
+    """Largest permitted geometric mean of ratios, largest ratio of a row, and least and largest coverage of a row."""
 
     mean_ratio: float
     worst_ratio: float
@@ -53,7 +53,7 @@ def cells_of(table: pd.DataFrame) -> pd.DataFrame:
     """A row for each body with one scale and one kind of constants; table: a row for each run, see `run.run`.
 
     runs: number of runs; failed: number of runs that ended early or did not start; failure: reason of the first failure
-    filter_mm, open_loop_mm, spline_mm: mean errors over runs [mm]; NaN if the error of a run is missing
+    filter_mm, open_loop_mm, spline_mm: mean errors over runs [mm]; NaN, like all means, if a run lacks the value
     ratio: the filter's error divided by the smaller error of open loop and spline
     covered: coverage of the 95 % region; nees: mean NEES per dimension; ms_a_frame: mean time per frame [ms]
     non_finite, wrong_tracking: sums over runs, see `hidden_scores`; repairs: number of numerical repairs in all runs

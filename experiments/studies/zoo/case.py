@@ -123,7 +123,7 @@ def assumed(body: Body, case: Case) -> Model:
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
     """The network with each stiffness, damping and mass multiplied by its own random log-normal factor, see `WRONG`.
 
-    If the body is at rest initially, rest lengths are changed so that it stays at rest.
+    If `Body.at_rest`, rest lengths are fitted to the drawn shape.
     """
     network = body.network
 

@@ -42,7 +42,7 @@ def spline(body: Body, frames: Frames) -> Floats:
     """Positions of hidden nodes [m], (n_frames, n_hidden, dim), from a spline through marks and fixed nodes.
 
     If the nodes are in a line, the spline is cubic along the line. Otherwise a thin-plate spline interpolates the
-    displacements from the network's initial positions.
+    displacements from the drawn shape.
     """
     network = body.network
     anchors = np.flatnonzero(network.fixed)

@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with a displaced target. The direction is random; the rest lengths keep the body in equilibrium."""
+        """The body at rest with a target displaced in a random direction for which rest lengths exist."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
