@@ -30,6 +30,7 @@ class LiveFilm:
 
     The films are written in pieces to the folder `growing`, which the first frame creates. At the end the pieces are
     joined; if the run is killed, `softaim record --recover` joins them.
+    n_dropped: number of pictures dropped because a thread was too slow; fault: the first error that ended a film
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:

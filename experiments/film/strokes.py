@@ -20,7 +20,7 @@ DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 MARGIN_PX = 8.0
-"""Lines are clipped this far outside the picture [px]; no line is wider."""
+"""Lines are clipped this far outside the picture [px], so that their cut ends are invisible."""
 NEAR_PX = 1e4
 """Largest coordinate [px] of lines that need no clipping; OpenCV draws with integers, which have room for it."""
 TEXT_PX = 16.0
@@ -68,7 +68,7 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
 
 
 def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
-    """The parts of segments, (n, 2, 2), inside the picture enlarged by a margin. Segments with NaN are omitted."""
+    """The parts of segments, (n, 2, 2), inside the picture with a margin. Segments that are not finite are omitted."""
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
     edges = np.array([[[-MARGIN_PX] * 2], [np.array(size_px) - 1.0 + MARGIN_PX]])

@@ -140,8 +140,8 @@ def observed_hits(done: Advised) -> Floats:
     """For each frame, the probability that a needle inserted as the advice says hits the true target, (n_frames,).
 
     The truth was recorded without a needle. Therefore the target's predicted displacement by the needle is added to
-    the true position. The probability includes random errors of this displacement and of the needle's tip. If the true
-    position is not known for the time when the needle arrives, the probability is NaN.
+    the true position. The probability includes random errors of this displacement and of the needle's tip. It is NaN if
+    the advice has no arrival time, or if the true position at that time is not known.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)

@@ -111,7 +111,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """A message if the noise levels were not tuned, or were tuned before `softaim identify`; otherwise None."""
+    """A message if the noise levels are the defaults, or were tuned before `softaim identify`; otherwise None."""
     usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):

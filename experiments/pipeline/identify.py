@@ -142,8 +142,9 @@ def tuned_scene(
 ) -> tuple[Scene, TuningResult]:
     """Tune the discrepancy level: the size of the displacements that the model does not describe.
 
-    Returns the scene with this level, and the full tuning result. Raises InputError if `minutes` is too short.
+    Returns the scene with this level, and the full tuning result.
     workers: map function, which may distribute the filter's passes over processes.
+    Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
     with placed(recording.folder, IdentificationError):

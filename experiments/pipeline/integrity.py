@@ -66,7 +66,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Function that returns the marks' shifts by one sd of each calibration error, given their positions."""
+    """Function from positions of marks to their shifts by one sd of each calibration error; None without a camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)

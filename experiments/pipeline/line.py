@@ -64,7 +64,7 @@ class Step:
 
     estimates: the target's estimate by each method
     marks: all identified marks, also those that the filter does not use; corrected if the scene has reference marks
-    swap: a detected exchange of two marks' names; None in almost all frames
+    swap: a detected exchange of names between marks; None in almost all frames
     refused: nodes whose marks the gate rejected
     sight: record of the search for marks; None if `Line` has explain=False
     reference: result for the reference marks; None if the scene has none

@@ -239,7 +239,8 @@ def rate_of(exposures_s: Floats) -> float:
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
     """Join a recording's pieces into a film of each camera; returns the number of frames.
 
-    If the program is killed during a call, the call can be repeated. Raises InputError if there are no pieces.
+    Incomplete rows, and frames without a row, are dropped. If the program is killed during a call, the call can be
+    repeated. Raises InputError if there are no pieces.
     """
     cameras = _growing(folder)
     if not cameras:

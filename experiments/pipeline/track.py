@@ -178,8 +178,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """True position of the target in each frame [m], (n_frames, dim), and the covariance of the error of this position.
 
-    The position of the target's node comes from truth.csv or from a mark on this node; it is NaN if unknown. The
-    scene's offset from the node to the target is added.
+    The position of the target's node comes from truth.csv or from a mark on this node that the filter does not use. It
+    is NaN if unknown. The scene's offset from the node to the target is added.
     """
     scene = recording.scene
     node = scene.target.node

@@ -15,7 +15,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A state of the run. number: from 1; text: JSON; picture: JPEG, or None if no client requests pictures."""
+    """A state of the run. number: from 1; text: JSON; picture: JPEG, or None without a picture."""
 
     number: int
     text: bytes

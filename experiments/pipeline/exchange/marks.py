@@ -23,7 +23,8 @@ from vision import PlaneCamera, fronto_parallel_camera
 class ImportSettings:
     """Settings of an import: which positions of a table are used, and their accuracy.
 
-    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut
+    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
+    likelihood was set manually and is always used.
     sd_px: standard deviation of a position on each axis [px]; choice: state the tracker's own error if it is known
     """
 

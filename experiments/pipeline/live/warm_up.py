@@ -38,7 +38,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Process frames with all marks at `places` [m], (n_marks, dim), with one mark far away, and without marks."""
+    """Process frames with all marks at `places` [m], (n_marks, dim), with one far away, without marks; then a fix."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]

@@ -77,7 +77,8 @@ class MarkTally:
     def shares(self) -> dict[str, MarkShares]:
         """For each mark, by node, its shares of frames, as in `MarkShares`; empty if there were no frames.
 
-        A mark that the filter does not use may be hidden. Such a mark is omitted if marks.csv never has it.
+        A mark that the filter does not use may be hidden. Such a mark is omitted if marks.csv never has it. It is also
+        omitted if the marks come from films in space, because it is not searched for there.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]

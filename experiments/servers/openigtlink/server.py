@@ -199,7 +199,7 @@ def _name(writer: asyncio.StreamWriter) -> str:
 
 
 def _is_local(writer: asyncio.StreamWriter) -> bool:
-    """Whether the client is on this machine."""
+    """Whether the client is connected over loopback."""
     try:
         address = ipaddress.ip_address(_name(writer).partition("%")[0])
     except ValueError:
