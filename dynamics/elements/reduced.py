@@ -31,7 +31,7 @@ class Span:
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
-        Standard deviation of each reduced acceleration if the nodes' accelerations are white noise with variance 1.
+        Standard deviation of each reduced acceleration if the nodes' accelerations are independent with variance 1.
     """
 
     matrix: Floats

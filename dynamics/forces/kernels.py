@@ -329,8 +329,8 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among all free coordinates, -1 for an anchor
-    definite: whether negative stiffness is set to 0, such as `T / l` across a compressed spring; K and C are then
-        semidefinite, and an implicit step damps buckling
+    definite: whether negative coefficients of springs, such as `T / l` across a compressed spring, are set to 0. K
+        and C are then semidefinite, and an implicit step damps buckling
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0

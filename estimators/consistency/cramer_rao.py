@@ -27,7 +27,7 @@ def posterior_bound(
     *,
     poked: Sequence[str] = (),
 ) -> Floats:
-    """Lower bound on the covariance of any unbiased estimate of the state at each time, (n_times, dim_x, dim_x).
+    """Lower bound on the covariance of unbiased state estimates after the marks of each time, (n_times, dim_x, dim_x).
 
     states: true states, (n_times, n_state); times_s: their times [s], so close that the motion between is nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if no mark is visible

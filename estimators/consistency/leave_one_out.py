@@ -34,8 +34,8 @@ class LeaveOneOut:
     covariance of the predictions is therefore estimated by maximum likelihood. The covariance of the target is
     multiplied by the same factor, which is at least 1.
 
-    State: the filter of the target; the filters that predict marks, by node; the factor on the covariance; the checks
-    of the last frame, by node.
+    State: tissue, the filter of the target; without, the filters that predict marks, by node; scale, the factor on the
+    covariance; checks, the checks of the last frame, by node.
     """
 
     def __init__(

@@ -18,9 +18,9 @@ SOLID, SOLID_S = (0.9, 9.0), 60.0
 class Disturbances:
     """Prior of the unknown forces, stated as accelerations.
 
-    Short forces push single marked nodes. A Markov chain gives the state of all short forces: calm, poked (a brief
-    push) or led (a node is dragged for longer). Slow forces, such as breathing, push the whole body. A second Markov
-    chain gives their strength. A mode is a pair of a short and a slow state. A continuum has only slow forces.
+    Short forces act on each marked node independently. A Markov chain gives the state of all short forces: calm, poked
+    (a brief push) or led (a node is dragged for longer). Slow forces, such as breathing, push the whole body. A second
+    Markov chain gives their strength. A mode is a pair of a short and a slow state. A continuum has only slow forces.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ REBORN = 0.05
 mode is omitted until the next prediction [1]; choice."""
 
 LINEARISATIONS = 10
-"""Largest number of linearisations in a frame; numerical. A rotating cable needs many."""
+"""Largest number of linearisations per frame of transition and observation; numerical: a rotating cable needs many."""
 
 LEAST_STEP = 0.125
 """Smallest share of a Gauss-Newton step that is tried [1]; numerical."""

@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write `T P T'` into `moved`, (n, n). T is zero except in its first rows, `rows` (r, c), and diagonal `fading`."""
+    """Write `T P T'` into `moved`, (n, n). T has `rows` (r, c) at the top left, the diagonal `fading` below, else 0."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T

@@ -32,7 +32,7 @@ BESIDE = 10.0
 """A node's prior covariance times this number is the covariance of the search region for its first mark [1]; choice."""
 
 POSSIBLE = 1e-3
-"""Modes with a smaller probability are ignored in the search regions of marks [1]; choice."""
+"""The search region of a mark is that of the most uncertain mode with at least this probability [1]; choice."""
 
 
 class TissuePosterior:
@@ -126,7 +126,7 @@ class TissuePosterior:
 
     @property
     def positions(self) -> Floats:
-        """Mean positions of all nodes of the model [m], (n_nodes, dim)."""
+        """Mean positions of all nodes [m], (n_nodes, dim), without the discrepancy."""
         own = self.filter.mean[self.process.parts["position"]]
         places = self.process.at(own) + self.residual_m
         return all_positions(self.network, places.reshape(-1, self.network.dim))
@@ -208,7 +208,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """Observation of one or more marks. The estimated noise factor scales the covariance of the marks' noise."""
+        """Observation of one or more marks. The estimated noise factor multiplies the noise's standard deviation."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)

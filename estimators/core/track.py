@@ -79,7 +79,7 @@ class TissueFilter(TissuePosterior):
         Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
-        Uncertainty of the model's constants. It increases the covariance of the state. Default: exact constants.
+        Uncertainty of the constants. It increases covariances; constants are not estimated. Default: exact constants.
     n_calibration : int
         Number of constant calibration errors, one for each column of `MarkMeasurement.shared`. If it is 0, the
         shared errors of different frames are independent.
@@ -88,7 +88,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
-        """Restart with the nodes at their last estimated positions or, if `as_drawn`, at `network.positions`.
+        """Restart in the last or, if `as_drawn`, in the drawn shape. Unless DIVERGED, keep the estimate of the offset.
 
         marks: marks to which a body without anchors is registered when it restarts at `network.positions`
         """
@@ -140,7 +140,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at a time [s]. If the time step exceeds `forget_s`, reset the state and return True."""
+        """Predict the state at a time [s]; if the step exceeds `forget_s` and `lost_s`, reset it and return True."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -173,7 +173,7 @@ class TissueFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """Context manager that saves the state at the start and restores it at the end."""
+        """Context manager that uses one thread for linear algebra, and restores the present state at the end."""
         now = self.snapshot()
         try:
             with one_blas_thread():

@@ -39,7 +39,7 @@ def hit_probability(
 
     target: mixture from `TissueFilter.predict_modes`. A single Gaussian would make the result too low for needles that
         are aimed at the target, and too high for needles that are aimed far from it.
-    axis: direction of the needle [1], (dim,), of any length; the notch lies behind the tip in this direction
+    axis: direction in which the needle points [1], (dim,), of any length; the notch lies behind the tip
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
     needle = Needle() if needle is None else needle

@@ -43,9 +43,9 @@ class Arrival:
 class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
-    entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, of any length, (dim,)
-    State: the time of the estimate [s]; mean x and covariance P of the tip's position [m] and its speed along the line
-    [m/s], (dim + 1,) and (dim + 1, dim + 1); the normalised innovation squared of the last measurement.
+    entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
+    State: time_s, the time of the estimate [s]; mean x and covariance P of the tip's position [m] and its speed along
+    the line [m/s], (dim + 1,) and (dim + 1, dim + 1); nis, the normalised innovation squared of the last measurement.
     Raises ValueError for a direction without length.
     """
 

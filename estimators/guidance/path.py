@@ -1,8 +1,8 @@
 """Predicted path of the target. If the body is near rest, tables give a fast prediction; otherwise the filter predicts.
 
-A short force may act on the tissue before the needle arrives, but usually none does. A single Gaussian would be too
-narrow if one acts, and too wide if none acts. The path is therefore a mixture of three cases: (1) all forces stay
-constant; (2) a short force acts, or a slow force becomes stronger; (3) a force drags a node to another place.
+Usually no short force acts on the tissue before the needle arrives. A single Gaussian would be too wide if no short
+force acts, and too narrow if one acts. The path is therefore a mixture of three cases: (1) no short force acts, and no
+slow force becomes stronger; (2) a short force acts, or a slow force becomes stronger; (3) a force drags a node.
 """
 
 from __future__ import annotations

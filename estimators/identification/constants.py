@@ -165,7 +165,7 @@ class _Found:
     """Result of the searches from all starts.
 
     before: pass with the constants before the search; n_agreeing: number of starts that led to the best constants
-    used: the used frames; left_open: see `determined.left_open`, (n, n)
+    used: the used frames; left_open: see `determined.left_open`; larger if the last search did not converge, (n, n)
     """
 
     best: Optimum

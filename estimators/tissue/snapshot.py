@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 def all_or_nothing(
     method: Callable[Concatenate[Owner, Arguments], Result],
 ) -> Callable[Concatenate[Owner, Arguments], Result]:
-    """Decorator that restores the object's state if the method raises an exception."""
+    """Decorator: use one thread for linear algebra; restore the object's state if the method raises an exception."""
 
     @wraps(method)
     def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
