@@ -135,7 +135,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """Mirror or turn the grid of corners where needed, so that the corners have the order of `Board.corners_m`."""
+    """The grid in the order of the board: its first square is dark or, if both ends look alike, x points right."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:

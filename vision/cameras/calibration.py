@@ -165,7 +165,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """Pose from new to old world axes: rotation about z by a multiple of 90°. The new x points right in the picture."""
+    """Pose from new to old world axes: a turn about z by a multiple of 90°, after which x points nearly right."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]

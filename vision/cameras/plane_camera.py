@@ -120,7 +120,8 @@ class PlaneCamera:
         """Shape of a ball's image [px], (2, 2), as in `Outline.shape_px`. The ball's centre lies on the plane.
 
         The image is assumed to be a circle, because the tilt of the plane does not foreshorten a ball. The radius of
-        the circle is the ball's radius times the largest singular value of the projection's Jacobian.
+        the circle is the ball's radius times the largest singular value of the projection's Jacobian. Away from
+        mid-picture, the true image is an ellipse, longer by 1 / cos of the angle between ray and optical axis.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
@@ -142,7 +143,7 @@ class PlaneCamera:
 
     @property
     def view_m(self) -> Floats | None:
-        """Points of the plane at the picture's corners [m], (4, 2); None if a corner is beyond the horizon."""
+        """Points of the plane at the picture's corners, in order [m], (4, 2); None if one is beyond the horizon."""
         right, down = (size - 1.0 for size in self.size_px)
         try:
             return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])

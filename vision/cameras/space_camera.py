@@ -19,7 +19,7 @@ RADII = np.linspace(0.02, 4.0, 200)
 """Distances from mid-picture at which a test checks that a lens model is one-to-one [half diagonals]; numerical."""
 
 FAR_PX = 1e6
-"""Largest distance from mid-picture at which distortion is computed [px]; numerical: beyond it, values may overflow."""
+"""Distance from mid-picture beyond which `viewed` computes no distortion [px]; numerical: values may overflow there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

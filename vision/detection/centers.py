@@ -60,7 +60,7 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factor of at least 1 on the covariance of an outline's centre. noise_sd: noise of alpha (0 to 1)."""
+    """Factor of at least 1 on the covariance of an outline's centre. noise_sd: standard deviation of alpha's noise."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 

@@ -243,7 +243,11 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """Record of a rejected component. If the component's area is outside the limits, `reason` is replaced."""
+        """Record of a rejected component.
+
+        The reason becomes SIZE if the component is too large, or is a whole mark of another size. Otherwise, the reason
+        becomes FEW_PIXELS if there are too few pixels.
+        """
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)

@@ -26,8 +26,8 @@ def detect_isolated(
 ) -> list[Detection | None]:
     """Detect the only mark in each region. The mark must be completely visible and have the expected hue.
 
-    If a region has no such mark or several marks, the result for this region is None. The slower `detect_marks` may
-    still find marks in the region.
+    If a region does not certainly have exactly one such mark, the result for this region is None. The slower
+    `detect_marks` may still find marks in the region.
     regions: left, top, width, height [px]; expected: the mark of each region
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]

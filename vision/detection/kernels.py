@@ -462,7 +462,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Points at which alpha falls below 0.5, at most one on each ray, relative to `start`, and their number."""
+    """Outermost point on each ray at which alpha falls below 0.5, relative to `start` [half axes]; number of points."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -503,7 +503,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """Circle (x, y, size) through three edge points that has the most edge points on it and the fewest beyond it."""
+    """Best circle (x, y, size) through three edge points: many edge points on it, few beyond it, a size near 1."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -676,8 +676,8 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
     """Find the only large connected piece of a class.
 
-    Returns whether there is exactly one large piece, away from the border. Also returns the mask of this piece with
-    filled holes, (h, w), and a tuple: first row, last row, first column and last column of the piece.
+    Returns whether there is exactly one large piece, away from the border, and all other pieces are negligible. Also
+    returns the mask of this piece with filled holes, (h, w), and its first row, last row, first and last column.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -779,7 +779,7 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Find one completely visible mark in each of n boxes. Returns whether it is found, (n,), and data, (n, 11).
+    """Find the only mark of a class in each of n boxes. Returns whether it is found whole, (n,), and data, (n, 11).
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
     classes: colour class of each mark, and least number of pixels of each mark, (n, 2)

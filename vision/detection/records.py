@@ -55,7 +55,7 @@ class Reason(StrEnum):
     STAIN = "uneven as a stain"
     """The noise around the pixels is too strong, relative to their contrast, for a mark of one colour."""
     COLOUR = "another colour"
-    """The pixels are in the mark's range of hues, but their colour differs from the mark's colour in earlier frames."""
+    """The pixels are in the mark's range of hues, but differ in colour from marks of this kind in earlier frames."""
     UNLIKE = "unlike itself before"
     """A mark was detected, but neither the detection nor any position nearby looks like this mark in earlier frames."""
     AMBIGUOUS = "one of two that touch"

@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """Highest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y [sizes] and height [grey levels] of each step."""
+    """Highest colour steps on each ray, (N_RAYS, N_STEPS, 3): x, y from `start` [sizes], and height [grey levels]."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))

@@ -20,7 +20,7 @@ class CoverageSettings:
     outlier_sds: largest distance of a background pixel's colour from the background's median [standard deviations];
         source: normal distribution, two-sided 99.99 %
     edge_gain: variance of alpha at the mark's edge, relative to the variance of d [1]; choice. d is half the difference
-        of alpha between opposite pixels of the mark. For white noise, edge_gain is 2.
+        of alpha between opposite pixels of the mark. For white noise, 2 would be right.
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -44,12 +44,13 @@ class OutlineSettings:
     reach: length of the rays [sizes]; choice
     near_px: largest distance from the fitted outline at which an edge point counts as on the outline [px]; choice
     correlation_px: length along the edge over which errors of edge points are correlated [px]; choice
-    highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice
+    highest_wave: highest order of the Fourier coefficients that measure the noise of the residuals [1]; choice. The
+        lowest order is 2.
     edge_sd_px: least standard deviation of an edge point [px]; choice
     min_share: least share of rays that have an edge point on the outline [1]; choice. It is also the least visible
         share of a mark's area.
-    whole_share: value that replaces min_share for a mark that is not occluded [1]; choice. A component may be several
-        touching marks if its area exceeds 1 / whole_share times the area of one mark.
+    whole_share: least share of rays, and least share of the mark's area, for a mark that is not occluded [1]; choice. A
+        component may be several touching marks if its area exceeds 1 / whole_share times the area of one mark.
     """
 
     reach: float = 2.0

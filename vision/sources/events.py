@@ -59,7 +59,7 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which time 0 of a film is played [s]; 0 for other sources."""
+        """Clock time at which time 0 of a recording is played [s]; 0 for a source that plays no recording."""
 
     @property
     def ended(self) -> bool:

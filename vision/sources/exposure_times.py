@@ -35,8 +35,9 @@ class DeviceTimes:
     The device time is CAP_PROP_POS_MSEC. The delay is the arrival time minus the device time. Device times are
     plausible if they increase, and if the delays vary by at most clock_error_s. At first, a frame is assumed to be
     complete at its arrival time. After settled_frames plausible device times in a row, a frame is assumed to be
-    complete at its device time plus the least delay of the last remembered_frames frames. The exposure time is assumed
-    to be half the median frame interval before the frame is complete, because devices do not report it.
+    complete at its device time plus the least delay of the last remembered_frames frames. Up to settled_frames late
+    frames in a row, for example from a queue after a pause, are not used for the least delay. The exposure time is
+    assumed to be half the median frame interval before the frame is complete, because devices do not report it.
 
     late_s: increase of the delay [s] if the increase exceeds settings.blocked_s; otherwise 0. The delay increases if
         frames wait in a queue, or if the device's clock was set back.
@@ -184,7 +185,7 @@ class Arrivals:
     """Test whether the arrival times of pictures determine their exposure times.
 
     A pause exceeds settings.blocked_s and settings.slow_intervals median intervals. After a pause, pictures may be late
-    by up to the length of the pause, because they waited in a queue. Short intervals reduce this delay. After a failed
+    by up to the length of the pause: a queue may have formed. Short intervals reduce this delay. After a failed
     read, the delay is 0. If the source reports exposure times, pauses cause no delay. An arrival is uneven if the
     interval before it is not a multiple of the median interval: this picture waited for an unknown time.
 

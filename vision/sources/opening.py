@@ -75,7 +75,7 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source that plays a file. Each frame is due at its exposure time. For start, see `Playback`."""
+    """Source that plays a file and delivers its newest frame, at the time when this frame is due; see `Playback`."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,

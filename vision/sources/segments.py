@@ -30,9 +30,10 @@ NOMINAL_FPS = 30.0
 
 
 class SegmentWriter:
-    """Writer of a film in numbered pieces: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG) in an empty folder.
+    """Writer of a film in numbered pieces: 000000.mkv ... (FFV1) or 000000.avi ... (MJPG).
 
     The unfinished piece is a hidden file. If `finish` is interrupted, it can be called again.
+    folder: existing empty folder
     n_whole: number of complete pieces
     """
 

@@ -37,6 +37,8 @@ class SeveralFrames(Closing):
 
     Pictures whose exposure times differ by at most `TOGETHER_S` are delivered together. Pictures are delivered in the
     order of their exposure. If a picture of one camera is late, pictures of the other cameras wait for a short time.
+    If all cameras of simultaneous pictures have newer pictures, the older ones are dropped. The next pictures of these
+    cameras are then delivered first, so that a slow caller gets pictures of every camera.
     sources: source of each camera by name
     clock: the monotonic clock [s]; nap: function that sleeps for a time [s]
     """
@@ -105,7 +107,7 @@ class SeveralFrames(Closing):
             self._nap(min(until - now, POLL_S))
 
     def _fetch(self) -> None:
-        """Fetch the newest picture of each camera."""
+        """Fetch the newest picture of each camera. Only this call detects a blocked or frozen camera."""
         for name, source in self.sources.items():
             try:
                 frame = source.next(0.0)

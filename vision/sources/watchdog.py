@@ -98,6 +98,7 @@ class FrozenValues:
     A frame is a repeat if its values equal those of one of the last `IN_TURN` frames. New values contain noise, and
     therefore almost never repeat. But some senders send each frame several times. Let n be the median number of repeats
     of earlier frames. The source is frozen if the present frame has n + settings.stuck_frames - 1 repeats or more.
+    A frame without values is ignored.
 
     frozen: whether the source is frozen now
     """

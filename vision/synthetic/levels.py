@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour raised to a power. A negative power gives the gains of a white balance for this lamp."""
+    """A lamp's colour raised to a power. A negative power gives white balance gains against its colour cast."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

@@ -141,8 +141,9 @@ def paper_camera() -> Lighting:
     """Lighting that gives detected marks an error of 4.14 mm, as in [paper], in films of MJPG quality 60.
 
     Marks are 7 px wide, at 4.4 mm per pixel. Every value here is a choice, because [paper] states only the error. If
-    sensor noise alone caused this error, the noise would hide the marks. Most of the error is therefore a random shift
-    of the marks. The scene of the film must state this shift in calibration_sd_px.
+    sensor noise alone caused this error, at least one mark in twenty could not be recognised. Most of the error is
+    therefore a random shift of the marks: the reference of [paper] was marked manually. The scene of the
+    film must state this shift in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens

@@ -35,7 +35,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared Mahalanobis distance of a detection's colour, divided by settings.gate; 0 in the first frames."""
+        """Squared Mahalanobis distance of a detection's colour, divided by the gate; 0 until the colour is learned."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)

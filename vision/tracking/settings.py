@@ -48,8 +48,9 @@ class AppearanceSettings:
     margin: distance from the outline within which pixels are ignored, relative to the mark's half axes [1]; choice
     ring_px: width of the ring of background pixels around a mark [px]; choice
     blur_px: standard deviation of the smoothing before the comparison [px]; choice
-    shade: rms difference between similar pixels that a change of light may cause, relative to the colour [1]; choice
-    level: rms difference between similar pixels that noise may cause [grey levels]; choice
+    shade: largest rms difference, over the colour channels, between similar pixels due to light, relative to the colour
+        [1]; choice
+    level: largest rms difference, over the colour channels, between similar pixels due to noise [grey levels]; choice
     ring_contrast: factor on the squared distance between a ring pixel's colour and a fitted colour [1]; choice
     occluded_cost: loss of score for a pixel in the mark that resembles neither the mark nor its background [1]; choice.
         The loss for a pixel that resembles the background is 1.
