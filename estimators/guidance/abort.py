@@ -15,10 +15,12 @@ class AbortWatch:
     """State machine that replaces advice by ABORT if a needle inside the tissue has to stop.
 
     Outside the tissue, the advice is not changed. Inside the tissue, there are three cases:
-    (1) The needle entered at most `AdviceSettings.abort_s` after a GO. ABORT replaces NO_GUIDANCE. ABORT also replaces
-        WAIT and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
-    (2) The needle entered without a GO, or later than `abort_s` after it. ABORT replaces any advice, then case 1 holds.
-    (3) The needle was inside at the first call. ABORT replaces NO_GUIDANCE. After a GO, case 1 applies.
+
+    1. The needle entered at most `AdviceSettings.abort_s` after a GO. ABORT replaces NO_GUIDANCE. ABORT also replaces
+       WAIT and REALIGN if the hit probability is below `AdviceSettings.abort` times `AdviceSettings.go`.
+    2. The needle entered without a GO, or later than `abort_s` after it. ABORT replaces any advice, then case 1 holds.
+    3. The needle was inside at the first call. ABORT replaces NO_GUIDANCE. After a GO, case 1 applies.
+
     In cases 1 and 2, ABORT ends once the replaced advice has been GO for `abort_s`. In case 3, ABORT ends once the
     replaced advice has differed from NO_GUIDANCE for `abort_s`.
 
