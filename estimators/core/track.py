@@ -168,7 +168,8 @@ class TissueFilter(TissuePosterior):
 
     def _ahead(self, time_s: float, push: ForceHistory | None = None) -> None:
         if self.time_s is None or not self.time_s <= time_s < np.inf:
-            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+            after = "a first call of predict" if self.time_s is None else f"{self.time_s} or later"
+            raise ValueError(f"time_s: expected {after}, found {time_s}")
         self._moved(time_s, push, MIX_S)
 
     @contextmanager

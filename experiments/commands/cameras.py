@@ -30,7 +30,7 @@ def calibrate(
     charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
     plane: Annotated[
-        Path | None, typer.Option("--plane", help="Picture of the board in the plane of the marks.")
+        Path | None, typer.Option("--plane", help="Picture of the board in the plane of the marks; default: last.")
     ] = None,
     opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Lens file to write for OpenCV.")] = None,
     ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Lens file to write for ROS.")] = None,

@@ -69,7 +69,7 @@ def new(
         typer.Option(
             "--target-sd-mm",
             min=0.0,
-            help="With --mesh: standard deviation of the target's position per axis [mm]; default: 0.",
+            help="With --mesh: standard deviation of the target's position per axis [mm]; default: 0 (exact).",
         ),
     ] = None,
     field: Annotated[
@@ -210,7 +210,7 @@ def simulate(
 def register(
     run: Run,
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
-    points: Annotated[Path, typer.Option("--points", help="Points in the form of marks.csv, or a recording.")],
+    points: Annotated[Path, typer.Option("--points", help="marks.csv, or a recording that has one.")],
     out: Annotated[
         Path,
         typer.Option("--out", help="Scene file to write; a mesh is written into the same folder.", show_default=False),

@@ -102,8 +102,9 @@ def _share(body: Body, path: Path, field: str) -> Floats:
     elif field in body.fields:
         share = body.fields[field][body.mesh.elements].mean(axis=1)
     else:
-        has = ", ".join([*body.fields, *body.cell_fields]) or "none"
-        raise InputError.at("--field", f"a field of {path.name}, {has}", shown(field))
+        has = ", ".join([*body.fields, *body.cell_fields])
+        expected = f"a field of {path.name}, {has}" if has else f"no --field, because {path.name} has no fields"
+        raise InputError.at("--field", expected, shown(field))
     if not (np.isfinite(share).all() and share.min() >= -1e-6 and share.max() <= 1.0 + 1e-6):
         raise InputError.at("--field", f"{field} from 0 (fat) to 1 (gland)", f"{share.min():g} to {share.max():g}")
     return np.clip(share, 0.0, 1.0)

@@ -41,7 +41,7 @@ recording states a known force, such as a weight. If a test of the tissue gives 
 """
 
 STEPS = f"""\
-# <title>: from nothing to advice
+# From a scene to advice: <title>
 
 Type these lines in this folder, in this order. They take some minutes in all, and each prints its result.
 
@@ -51,7 +51,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 | `needle.toml` | the needle that is advised |
 | `truth/scene.toml` | the simulated tissue, to be identified. Only `simulate` reads it |
 | `truth/all_marks.toml` | the same tissue with all marks measured, for calibration |
-| `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of three simulated recordings |
+| `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of simulated recordings |
 
 {TRUTH_OF_SPRINGS}
 ## 1. Check the scene

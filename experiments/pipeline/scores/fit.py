@@ -157,9 +157,9 @@ def verdict(
         together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         together = f"none of {frames} frames coasting, lost or diverged"
-    wide = truth is None or truth.is_wide_enough
-    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, wide)
     of_noise = None if fit is None or fit.noise < NOISY else NOISE.format(fit.noise)
+    wide = of_noise is None and (truth is None or truth.is_wide_enough)
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, wide)
     of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
         together,

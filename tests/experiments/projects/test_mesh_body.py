@@ -195,6 +195,14 @@ def test_faults_are_one_line(words: str, message: str, body: Path, tmp_path: Pat
     assert not (tmp_path / "made").exists()
 
 
+def test_a_field_of_a_file_without_fields_is_one_line(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "bare.vtu"
+    meshio.write_points_cells(path, NODES, [("tetra", ELEMENTS)])
+    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--mesh", path, *WALL, "--field", "glandularity") == 2
+    expected = '--field: expected no --field, because bare.vtu has no fields, found "glandularity"\n'
+    assert capsys.readouterr().err.endswith(expected)
+
+
 def test_without_wall_or_mesh_it_asks(body: Path, tmp_path: Path, capsys) -> None:
     call = ("new", tmp_path / "made", "--kind", "mesh", "--mesh", body)
     assert softaim(*call, "--unit", "mm") == 2

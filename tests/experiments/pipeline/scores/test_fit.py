@@ -117,6 +117,14 @@ def test_a_verdict_names_marks_that_are_noisier_than_stated(noise):
     assert ("at least 3.0 times as noisy as stated" in verdict(fit, frames_by_status(frames))) == (noise > 2.0)
 
 
+def test_a_verdict_never_calls_noise_both_too_low_and_too_high():
+    frames = [replace(one, noise=2.98) for one in estimates([1.5] * 300)]
+    found = verdict(fit_of(frames), frames_by_status(frames))
+    assert "less than predicted" in found
+    assert "state a larger sd" in found
+    assert "too high" not in found
+
+
 def test_a_verdict_counts_what_was_missed():
     frames = estimates([6.0] * 590) + estimates([None] * 2, status=Status.COASTING)
     frames += estimates([None] * 7, status=Status.LOST) + estimates([6.0], status=Status.DIVERGED)
