@@ -140,7 +140,7 @@ PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ra
 
 
 def page_tables(cells: pd.DataFrame) -> str:
-    """The table of docs/zoo.md with a row for each body, and the `summary` below it."""
+    """The table of docs/zoo.md with a row for each body, and the geometric means of the ratios below it."""
     body, kind = cells["name"].str.split(", ", expand=True).to_numpy().T
     rows = []
     for name, own in cells.groupby(body, sort=False):
@@ -157,7 +157,9 @@ def page_tables(cells: pd.DataFrame) -> str:
             else [],
         )
         rows.append((str(name), *(", ".join(column) for column in columns)))
-    return f"{markdown_table(PAGE_HEAD, rows)}\n{summary(cells)}"
+    ratios = cells[np.isfinite(cells["ratio"])].groupby("constants", sort=False)["ratio"]
+    means = ", ".join(f"{kind} {gmean(own):.2f}" for kind, own in ratios)
+    return f"{markdown_table(PAGE_HEAD, rows)}\nGeometric means of the ratios, by constants: {means}.\n"
 
 
 def _percent(share: float) -> str:
