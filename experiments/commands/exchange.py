@@ -130,7 +130,7 @@ def import_table(
         f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}",
         f"Positions omitted: {done.unlikely} with likelihood below {least:g}, {done.outside} outside the picture",
         *([f"Positions set manually, used without a likelihood: {done.manual}"] if done.manual else []),
-        f"Recording in {out}; next: softaim identify if it shows the target, else softaim track",
+        f"Recording in {out}; next: softaim identify if it shows the target, else tune and track",
     ]
     report = {
         "frames": len(done.exposures_s),

@@ -183,7 +183,7 @@ def test_marks_outside_of_the_picture_are_reported_with_what_the_camera_sees(who
     aside = replace(scene, cameras=(camera,))
     unfound = _seen(aside, rest_shape(scene.network), None, None)[2]
     (line,) = [one.next for one in missing(replace(whole, scene=aside, unfound=unfound)) if "not found" in one.what]
-    assert line.endswith("the camera sees x -99 to 699 mm, y -99 to 499 mm; softaim register moves the body")
+    assert line.endswith("the camera sees at most x -99 to 699 mm, y -99 to 499 mm; softaim register moves the body")
     (near,) = [one.next for one in missing(replace(whole, unfound={"M3": None})) if "not found" in one.what]
     assert "the camera sees" not in near
 
