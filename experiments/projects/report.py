@@ -252,7 +252,8 @@ def _view(done: SceneCheck) -> str:
     if view is None:
         return ""
     (x0, y0), (x1, y1) = 1e3 * view.min(axis=0), 1e3 * view.max(axis=0)
-    return f"; the camera sees at most x {x0:.0f} to {x1:.0f} mm, y {y0:.0f} to {y1:.0f} mm; softaim register moves the body"
+    seen = f"x {x0:.0f} to {x1:.0f} mm, y {y0:.0f} to {y1:.0f} mm"
+    return f"; the camera sees at most {seen}; softaim register moves the body"
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
