@@ -70,7 +70,7 @@ class Springs:
         return tuple(np.einsum("ab,sij->saibj", pairs, block) for block in (stiffness, damping[:, None, None] * outer))
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force with respect to the log of each constant [N], (n_springs, 2, dim) each."""
+        """Derivatives of the force by the logs of stiffness, rest length and damping [N], (n_springs, 2, dim) each."""
         along, length, rate = self._shape(x, v)
         by = tension_by_log_constants(length, rate, self.constants)
         return {kind: _on_ends(getattr(by, kind), along) for kind in OF_SPRINGS}

@@ -104,7 +104,7 @@ class Tetrahedra:
         return K, C
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force with respect to the log of each kind of constant [N], shaped as `force`.
+        """Derivatives of the force by the logs of Young's modulus, Poisson's ratio and damping [N], shaped as `force`.
 
         The constants of a patch change together. The derivative for a region is the sum over its patches.
         """

@@ -47,7 +47,7 @@ class Move:
 
 
 def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
-    """Result of `kernels.along_steps` for these steps; sources (n_f,), n_sources and white (n,): as there."""
+    """Jacobian (2 n, m), decay (n_f,), noise covariances (1 + n_sources, m, m), as `kernels.along_steps` has them."""
     by_states, fadings = np.array([move.by_state for move in moves]), np.array([move.fading for move in moves])
     steps_s = np.array([move.step_s for move in moves])
     return tuple(along_steps(by_states, fadings, steps_s, sources, n_sources, white))

@@ -136,7 +136,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step [s]: SOLID_STEP for a continuum, FINEST_STEP for springs. Stiff springs may need shorter steps."""
+    """Longest step [s]: SOLID_STEP for a continuum; for a network FINEST_STEP, or less for very stiff springs."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))

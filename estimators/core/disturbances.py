@@ -89,7 +89,7 @@ class Disturbances:
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths of the sources white, short, led and slow in each mode. raised: see `Motion.raised`."""
+        """Strengths of white [m/s²/sqrt(Hz)], short, led and slow [m/s²] in each mode; raised: see `Motion.raised`."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -102,7 +102,7 @@ class Disturbances:
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strength of each source in the mode `strongest_mode`, by the source's name. raised: see `Motion.raised`."""
+        """Strengths in `strongest_mode` by source [m/s²], white [m/s²/sqrt(Hz)]; raised: see `Motion.raised`."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property

@@ -33,7 +33,7 @@ LEAST_PART = 1e-6
 """A part of the mixture with a smaller probability is omitted, because rounding errors would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""The tables last long enough for a target that is this much farther from the entry than at rest [m]; choice."""
+"""Largest distance of the target from its rest position for which the tables last long enough [m]; choice."""
 
 MOST_S = 30.0
 """Longest time that the tables cover, even for a slow needle [s]; choice."""

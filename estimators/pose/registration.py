@@ -70,7 +70,7 @@ class Registration:
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration error [m²], (k, dim, dim), at points in the body's own coordinates [m]."""
+        """Covariance of the registration error [m²], (k, dim, dim), at body points `drawn` [m], (k, dim)."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 

@@ -1,6 +1,6 @@
 """Projection of positions, covariances and shapes into the picture of a camera, in the plane or in space.
 
-Image axes: u right, v down, in pixels. Results are NaN or zero for points behind the camera.
+Image axes: u right, v down, in pixels; world in metres. Results are NaN or zero for points behind the camera.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class PlaneView:
         return mark.shape_px(self.camera, place_m) if np.isfinite(self._place(place_m)).all() else np.zeros((2, 2))
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """Matrix that maps the unit disc to the image of a ball [px], (2, 2); place_m: the centre [m], (dim,)."""
+        """Matrix [px], (2, 2), from the unit disc to a ball's image; place_m: centre [m], (dim,); radius_m: [m]."""
         is_seen = np.isfinite(self._place(place_m)).all()
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 

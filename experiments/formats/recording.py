@@ -45,7 +45,7 @@ SAME_TIME_S = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fix:
-    """A direct measurement of the target's position [m], (dim,). Each axis has the standard deviation `sd_m` [m]."""
+    """A direct measurement of the target at a time [s]: position [m], (dim,), and standard deviation per axis [m]."""
 
     time_s: float
     position_m: Floats

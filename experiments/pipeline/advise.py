@@ -215,7 +215,7 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """The content of advice.csv. If the truth is known, it also has a column `observed` with observed hit rates."""
+    """Content of advice.csv in s, mm and degrees, a row per frame with advice; with truth also `observed`."""
     import pandas as pd  # imported here: a live run does not need it and must start at once
 
     dim = done.recording.scene.network.dim

@@ -48,7 +48,7 @@ EXACT = 0.0015
 small, because the model of a simulated phantom is exact."""
 
 TRUTH = 0.2
-"""Completed share of a simulation with a film when the true motion is ready [1]."""
+"""Share of the reported progress that is reached when the true motion is computed and only the film remains [1]."""
 
 STIFF_S = 1e-4
 """If the longest stable step is shorter than this [s], the integrator is implicit, otherwise explicit; numerical."""

@@ -121,7 +121,7 @@ class Swing:
 
 
 def seen_centers(film: Path) -> tuple[Floats, Floats]:
-    """Exposure times [s] and centres of the ball [px], (n_frames, 2). Raises InputError if a frame shows no ball."""
+    """Exposure times [s], (n_frames,), and ball centres [px], (n_frames, 2). InputError if a frame shows no ball."""
     rows = followed(film, FILMS["red-pendulum"])
     if not rows.seen.all():
         raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")

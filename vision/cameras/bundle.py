@@ -124,7 +124,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of projections with respect to points in camera axes [px/m], (n, 2, 3). points_m: in world axes."""
+    """Derivatives of projections by shifts along camera axes [px/m], (n, 2, 3); points_m: in world axes [m], (n, 3)."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 

@@ -173,7 +173,7 @@ def upright(camera: Pose) -> Pose:
 
 
 def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
-    """Raise CalibrationError if fx or fy is too uncertain. cov: covariance of fx, fy and further parameters, (n, n)."""
+    """Raise CalibrationError if fx or fy is too uncertain; cov: covariance that begins with fx, fy [px²], (n, n)."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
     most = settings.largest_focal_sd
     if not share < most:

@@ -92,7 +92,7 @@ class SpaceCamera:
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Results of `in_view` and `seen` for points [m], (n, 3). Behind the camera, the results of `seen` are NaN."""
+        """Results of `in_view`, (n,), and `seen` for points [m], (n, 3); those of `seen` are NaN behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)

@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Visible area of a layer [px]. The call also updates free, the share of each pixel without layers, (h, w)."""
+    """Visible area of a layer [px]; free: share of each pixel that no layer covers yet, (h, w), updated in place."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))

@@ -69,7 +69,7 @@ def light_of(srgb: ArrayLike) -> Floats:
 
 
 def develop(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Image:
-    """Convert linear light, (height, width, 3) float32, to uint8 levels. A mosaic needs an even height and width."""
+    """Picture, (height, width, 3) uint8, of linear light, (height, width, 3) float32; a mosaic needs even sizes."""
     height, width = light.shape[:2]
     if sensor.bayer and (height % 2 or width % 2):
         raise ValueError(f"light: expected an even width and height for a mosaic, found {width} x {height}")

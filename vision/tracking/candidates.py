@@ -50,7 +50,7 @@ def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candida
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """Detection of a mark at the centre of a match. The lower the match's score, the larger the covariance."""
+    """Detection of a mark at the centre of a match. The lower the score, the larger is the covariance [px²]."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)

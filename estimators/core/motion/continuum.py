@@ -192,7 +192,7 @@ class ContinuumMotion:
         return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
 
     def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s] by constant accelerations, see `Motion.pushed`."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
         n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)

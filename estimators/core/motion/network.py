@@ -143,7 +143,7 @@ class NetworkMotion:
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 
     def moved_each(self, states: Floats, dt: float) -> Floats:
-        """Coordinates and velocities (k, 2 n) that explicit integration over dt [s] yields for k states."""
+        """Coordinates and velocities (k, 2 n) after dt [s], by explicit steps from k states (k, 2 n + n_f or more)."""
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
         mean = -np.expm1(-dt * rates) / (dt * rates)
@@ -159,7 +159,7 @@ class NetworkMotion:
         return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s] by constant accelerations, see `Motion.pushed`."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         return _pushed(moves, [accelerations] * len(moves))
 

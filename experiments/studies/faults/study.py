@@ -107,11 +107,11 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
     return [
         [
             f"{row.fault}: {row.what}",
-            _times(row.noticed, row.noticed_ms, row.seeds),
+            _delay(row.noticed, row.noticed_ms, row.seeds),
             row.shown or "–",
             f"x {row.sigma_ratio:.1f}" if np.isfinite(row.sigma_ratio) else "–",
             f"{row.covered} of {row.seeds}",
-            _times(row.recovered, row.recovered_ms, row.seeds),
+            _delay(row.recovered, row.recovered_ms, row.seeds),
             str(row.go_shown_while_faulty),
             str(row.go),
             row.ended or "–",
@@ -125,7 +125,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
     """Descriptions of faults, grouped by the `beginning` of the text displayed for them (column `shown`)."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
-        notes = [_times(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
+        notes = [_delay(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
         notes += [f"covered {row.covered}/{row.seeds}"] if row.covered < row.seeds else []
         notes += [f"GO wrong {row.go_shown_while_faulty}/{row.go}"] if row.go_shown_while_faulty else []
         one = f"{row.what} ({', '.join(notes)})" if notes else row.what
@@ -139,7 +139,7 @@ def beginning(shown: str) -> str:
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
 
-def _times(n: int, slowest_ms: float, seeds: int) -> str:
+def _delay(n: int, slowest_ms: float, seeds: int) -> str:
     if not n:
         return "never"
     return f"{slowest_ms:.0f} ms" if n == seeds else f"{slowest_ms:.0f} ms, {n} of {seeds}"

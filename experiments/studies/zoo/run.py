@@ -61,7 +61,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights, (n_wanted, n_known), of data at the points `known` in a thin-plate spline at the points `wanted`."""
+    """Weights of a thin-plate spline from `known` to `wanted` points, each (n, dim); result: (n_wanted, n_known)."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]
