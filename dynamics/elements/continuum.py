@@ -150,8 +150,9 @@ def continuum_network(
     fixed : (n_fixed,) int
         Fixed nodes of the mesh; empty for a free body.
     points : mapping of str to (3,)
-        Positions of marks on the surface and of targets inside, by name [m]. The other nodes of the network, `wall 1`
-        and so on, show where the body is fixed.
+        Rest positions of marks on the surface and of targets inside, by name [m]. A point just outside the mesh has the
+        displacement of the nearest surface point. The other nodes of the network, `wall 1` and so on, show where the
+        body is fixed.
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
@@ -175,14 +176,15 @@ def continuum_network(
     if driven and not len(fixed):
         raise MeshError("driven: expected the nodes of a wall, found none")
     outside = surface(mesh)
-    named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
+    places = np.array(list(points.values()), dtype=float).reshape(-1, 3)
+    named = points_of(mesh, outside, places)
     with one_blas_thread():
         solid = _continuum(mesh, tissues, free, outside, named, left_out)
     wall = np.asarray(fixed)[far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
     k, n = len(points), len(points) + len(wall)
     return MassSpringNetwork(
         names=(*points, *(f"wall {i}" for i in range(1, len(wall) + 1))),
-        positions=np.concatenate([named.places, mesh.nodes[wall]]),
+        positions=np.concatenate([places, mesh.nodes[wall]]),
         masses=np.full(n, solid.mass / k),
         fixed=np.arange(n) >= k,
         drag=np.zeros(n),
@@ -192,7 +194,7 @@ def continuum_network(
         rest_lengths=np.empty(0),
         damping=np.empty(0),
         gravity=np.zeros(3),
-        continuum=solid.with_driven_wall(named.places) if driven else solid,
+        continuum=solid.with_driven_wall(places) if driven else solid,
     )
 
 

@@ -70,6 +70,16 @@ def test_points_are_where_they_were_put(network):
     np.testing.assert_array_equal(rest_shape(network), network.positions)
 
 
+def test_a_mark_just_outside_the_mesh_stays_there_and_moves_as_the_surface_does(mesh, fixed, network):
+    outside = POINTS | {"M2": POINTS["M2"] + [1e-3, 0.0, 0.0]}
+    for driven in (False, True):
+        other = continuum_network(mesh, (FAT, GLAND), fixed, outside, driven=driven)
+        np.testing.assert_array_equal(other.positions[other.free], list(outside.values()))
+    other = continuum_network(mesh, (FAT, GLAND), fixed, outside)
+    moved, expected = (one.continuum.shapes @ one.continuum.forces for one in (other, network))
+    np.testing.assert_allclose(moved, expected, atol=1e-9 * np.abs(expected).max())
+
+
 def test_a_force_about_a_point_moves_all_points_as_in_the_whole_model(mesh, network, whole):
     free, K, _, _ = whole
     outside = surface(mesh)

@@ -199,6 +199,19 @@ def test_a_known_force_displaces_the_body_as_its_stiffness_does(network):
     assert not tissue.residual_m.any()
 
 
+def test_marks_outside_a_coarse_mesh_do_not_displace_a_body_at_rest():
+    rng = np.random.default_rng(5)
+    drawn = marks_at(np.array(list(MARKS.values())) + np.outer(rng.uniform(0.0, 2.5e-3, len(MARKS)), [0.0, 0.0, 1.0]))
+    mesh = block((8, 6, 4), SIZE)
+    coarse = continuum_network(mesh, (FAT,), held(mesh), drawn | {"target": TARGET})
+    tissue = TissueFilter(coarse, "target", list(drawn))
+    for frame in range(10):
+        tissue.predict(frame * HZ)
+        estimate = tissue.update([MarkMeasurement(n, at, 1e-8 * np.eye(3)) for n, at in drawn.items()])
+    assert np.linalg.norm(estimate.mean - TARGET) < 1e-5
+    assert estimate.status is Status.TRACKING
+
+
 def test_the_error_of_a_targets_place_is_apart_from_its_motion(network):
     """3 mm a coordinate beside the motion's, until fixes of 0.1 mm show it."""
     tissue = TissueFilter(network, TargetPoint(("target",), sd_m=3e-3), list(MARKS))
