@@ -99,7 +99,7 @@ def camera_lines(camera: Camera) -> list[str]:
         keys |= {"matrix": camera.lens.matrix, "distortion": camera.lens.distortion}
     if not isinstance(camera, LensFile):
         if camera.lens is not None:
-            keys |= {"rotation": camera.pose.rotation, "translation_mm": 1e3 * camera.pose.translation_m}
+            keys |= {"rotation": camera.pose.rotation, "translation_mm": np.round(1e3 * camera.pose.translation_m, 9)}
             keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
         if isinstance(camera, PlaneCamera):
             keys["scale_sd"] = camera.scale_sd
