@@ -78,7 +78,7 @@ def camera_text(calibration: Calibration) -> str:
     c = calibration
     lens = {"matrix": c.matrix, "distortion": c.distortion, "matrix_sd": c.matrix_sd, "distortion_sd": c.distortion_sd}
     fit = {"reprojection_rms_px": float(c.reprojection_rms_px), "reprojection_rms_px_each": c.rms_px_each}
-    pose = {"rotation": c.pose.rotation, "translation_mm": np.round(1e3 * c.pose.translation_m, 9)}
+    pose = {"rotation": c.pose.rotation, "translation_mm": 1e3 * c.pose.translation_m}
     lines = [
         *key_lines({"version": VERSION, "name": c.name, "size_px": c.size_px}),
         "",
