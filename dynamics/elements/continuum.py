@@ -64,8 +64,8 @@ DEPENDENT = 1e-5
 """A direction is omitted as linearly dependent if its singular value is below this share of the largest; numerical."""
 
 NEAR = 0.02
-"""A point outside the body is moved to the surface if its distance from the surface is at most this share of the body's
-extent [1]; choice: some millimetres, because measured marks may lie off a coarse surface."""
+"""A point outside the body has the displacement of the nearest surface point if its distance from that point is at most
+this share of the body's extent [1]; choice: some millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
 """Radius of the patch over which a force on a point is spread, divided by the body's extent; choice: a fingertip."""
