@@ -115,11 +115,11 @@ def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
 
 
 def test_marks_noisier_than_stated_are_recognised() -> None:
-    """Phantom at rest, 3 s at 30 Hz, marks stated to 3 mm: the target's sigma is that of the true noise."""
+    """Phantom at rest, 1.5 s at 30 Hz, marks stated to 3 mm: the target's sigma is that of the true noise."""
     phantom, rng, sd_m, noise = four_mass_phantom(), np.random.default_rng(11), 3e-3, 3.0
     rest = rest_shape(phantom)
     stated, known = TissueFilter(phantom, HIDDEN, OUTER), TissueFilter(phantom, HIDDEN, OUTER)
-    for k in range(90):
+    for k in range(45):
         errors = noise * sd_m * rng.normal(size=(len(OUTER), 2))
         found = []
         for tissue, times in ((stated, 1.0), (known, noise)):

@@ -129,7 +129,7 @@ def test_what_is_left_out_hardly_moves_the_mixture(monkeypatch: pytest.MonkeyPat
     rates = np.array([[-0.02, 0.02], [0.5, -0.5]])
     some, every = HypothesisFilter(Point([0.1, 5.0], rates)), HypothesisFilter(Point([0.1, 5.0], rates))
     rng, place, left, usual = np.random.default_rng(3), 0.0, 0, core.REBORN
-    for k in range(200):
+    for k in range(120):
         place += 3.0 * (k % 40 in (10, 11))
         seen = Seen(place + 0.05 * rng.normal(), 0.0025)
         for one, share in ((some, usual), (every, 0.0)):

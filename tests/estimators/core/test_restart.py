@@ -11,12 +11,12 @@ from estimators import MarkMeasurement, Status
 from estimators.core import TissueFilter, track
 from tests.networks import build_network
 
-SD_M, LAST = 5e-4, 75
+SD_M, LAST = 5e-4, 60
 """Noise of the marks [m]; frame of the first trouble."""
 
 
 class Followed:
-    """A square without anchors, its middle hidden, moved by 0.3 m and turned by half in 2 s, or at rest."""
+    """A square without anchors, its middle hidden, moved by 0.3 m and turned by half in 1.5 s, or at rest."""
 
     def __init__(self, moves: float) -> None:
         places = [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05], [0.0, 0.0]]
@@ -28,7 +28,7 @@ class Followed:
 
     def frame(self, k: int, *, seen: bool = True) -> tuple[float, Status]:
         """The next frame: error of the target [m], and status."""
-        done = self.moves * min(k / 60, 1.0)
+        done = self.moves * min(k / 45, 1.0)
         cos, sin = np.cos(np.pi * done), np.sin(np.pi * done)
         truth = self.network.positions @ np.array([[cos, sin], [-sin, cos]]) + [0.3 * done + self.jump_m, 0.0]
         noisy = truth + SD_M * self.rng.normal(size=truth.shape)

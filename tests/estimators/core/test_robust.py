@@ -37,14 +37,14 @@ def estimates(network, target, marked, frames):
 
 
 TIMES = {
-    "gap 0.2 s": (np.r_[0.0:1.0:HZ, 1.2:2.2:HZ], 1),
-    "gap 10 s": (np.r_[0.0:1.0:HZ, 11.0:12.0:HZ], 1),
+    "gap 0.2 s": (np.r_[0.0:0.5:HZ, 0.7:1.2:HZ], 1),
+    "gap 10 s": (np.r_[0.0:0.5:HZ, 10.5:11.0:HZ], 1),
     "5 a second": (np.arange(0.0, 3.0, 0.2), 1),
-    "240 a second": (np.arange(0.0, 0.4, 1 / 240), 1),
-    "equal times": (np.repeat(np.arange(0.0, 1.0, HZ), 2), 1),
-    "since an epoch": (1e9 + np.arange(0.0, 1.0, HZ), 1),
-    "marks of 1 um": (np.arange(0.0, 1.0, HZ), 1e-6 / SD_M),
-    "marks of 1 m": (np.arange(0.0, 1.0, HZ), 1.0 / SD_M),
+    "240 a second": (np.arange(0.0, 0.2, 1 / 240), 1),
+    "equal times": (np.repeat(np.arange(0.0, 0.5, HZ), 2), 1),
+    "since an epoch": (1e9 + np.arange(0.0, 0.5, HZ), 1),
+    "marks of 1 um": (np.arange(0.0, 0.5, HZ), 1e-6 / SD_M),
+    "marks of 1 m": (np.arange(0.0, 0.5, HZ), 1.0 / SD_M),
 }
 
 
@@ -69,7 +69,7 @@ def test_a_body_of_another_size_under_the_same_gravity_is_found_as_exactly_by_it
         damping=size**2.5 * phantom.damping,
         drag=size**2.5 * phantom.drag,
     )
-    last = estimates(small, HIDDEN, OUTER, at_rest(small, np.arange(0.0, 1.0, HZ), size * SD_M))[-1]
+    last = estimates(small, HIDDEN, OUTER, at_rest(small, np.arange(0.0, 0.5, HZ), size * SD_M))[-1]
     error = last.mean - small.positions[small.index(HIDDEN)]
     assert last.status == Status.TRACKING
     assert error @ np.linalg.solve(last.cov, error) < 25.0

@@ -99,7 +99,7 @@ def test_a_target_that_leaves_its_breath_is_noticed_and_the_new_one_found(left, 
     """From 12 s on, errors of 1 mm: improbable within that time; where it breathes, predicted 18 s later to 1 mm."""
     rng = np.random.default_rng(9)
     breathing, noticed = Breathing(2), np.inf
-    for t in np.arange(0.0, 30.0, 2.0 * FRAME_S):
+    for t in np.arange(0.0, 30.0, 3.0 * FRAME_S):
         true = wave(t, 4.0) if t < 12.0 else left(t)
         breathing.update(float(t), true + 1e-3 * rng.normal(size=2), 1e-6 * np.eye(2))
         if t < 12.0:

@@ -98,7 +98,7 @@ def test_predictions_are_those_of_weighted_least_squares(seconds, filter_sd, set
         np.testing.assert_allclose(getattr(breathing.breath(), name), value, rtol=1e-6, atol=1e-9, err_msg=name)
 
 
-STEP_S = 0.1
+STEP_S = 0.2
 AHEAD_S = np.array([0.0, 1.0, 10.0])
 LEVELS = {"fit of one period": (0.8e-3, 0.6e-3), "fit of many periods": (1.6e-3, 1.2e-3)}
 """Standard deviations a coordinate [m]: of the target about its breath, and of the filter about the target."""

@@ -34,7 +34,7 @@ def marks(k, names=("near", "far")):
 KNOWN = replace(Discrepancy.of(SETTINGS), noises=((1.0, 1.0),))
 """The noise of marks is as stated, as in a pass."""
 
-FRAMES = [(0.05 * k, marks(k)) for k in range(30)]
+FRAMES = [(0.05 * k, marks(k)) for k in range(20)]
 
 
 def passed(network, which=(), frames=FRAMES):

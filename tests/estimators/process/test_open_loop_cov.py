@@ -34,7 +34,7 @@ def noisy(network, nodes, rng):
 
 def test_its_covariance_is_that_of_the_open_loops_errors(smooth):
     """Marks 0.1 mm off: the phantom's second order is a thousandth of its first."""
-    times = np.arange(40) / 10.0
+    times = np.arange(20) / 10.0
     open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for dt in np.diff(times, prepend=0.0):
         open_loop.take(float(dt), dict.fromkeys(OUTER, R))
@@ -48,7 +48,7 @@ def test_its_covariance_is_that_of_the_open_loops_errors(smooth):
 
 def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
     """Only M3 seen from the second frame on: the others' first error holds them, and its covariance shows that."""
-    times = np.arange(60) / 10.0
+    times = np.arange(30) / 10.0
     open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for k, dt in enumerate(np.diff(times, prepend=0.0)):
         open_loop.take(float(dt), dict.fromkeys(OUTER if k == 0 else ("M3",), R))

@@ -108,18 +108,18 @@ def test_later_marks_make_the_target_surer_and_it_is_right(phantom, run, hidden)
 
 
 def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, run):
-    """Of each frame, 10/30 s later: the interval's smoothing that ends then; before, in and after a gap and a start."""
-    frames = [(t, [] if 14 <= k < 48 else marks) for k, (t, marks) in enumerate(run[0])]
-    lag = FixedLag(new(phantom), lag_s=10 / 30.0 - 1e-9)
+    """Of each frame, 5/30 s later: the interval's smoothing that ends then; before, in and after a gap and a start."""
+    frames = [(t, [] if 8 <= k < 40 else marks) for k, (t, marks) in enumerate(run[0][:48])]
+    lag = FixedLag(new(phantom), lag_s=5 / 30.0 - 1e-9)
     found = [lag.take(*frame) for frame in frames]
-    assert found[:10] == [None] * 10
-    for end in (13, 60):
+    assert found[:5] == [None] * 5
+    for end in (9, 47):
         whole = fixed_interval(new(phantom), frames[: end + 1])
-        assert found[end].time_s == frames[end - 10][0]
-        np.testing.assert_allclose(found[end].mean, whole[end - 10].mean, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(found[end].cov, whole[end - 10].cov, rtol=1e-9)
-        assert found[end].status is whole[end - 10].status
-    assert len(lag._passed) == 11
+        assert found[end].time_s == frames[end - 5][0]
+        np.testing.assert_allclose(found[end].mean, whole[end - 5].mean, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found[end].cov, whole[end - 5].cov, rtol=1e-9)
+        assert found[end].status is whole[end - 5].status
+    assert len(lag._passed) == 6
 
 
 def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, run):
@@ -131,22 +131,22 @@ def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, run):
 
 
 def test_a_fix_tells_of_before_and_after(phantom, run, hidden):
-    """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and rightly."""
-    frames, states = run[0][:48], run[1]
-    place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
-    time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)
+    """Of the target to 0.1 mm, half way between frames 30 and 31: both become surer, and rightly."""
+    frames, states = run[0][:34], run[1]
+    place = states[30:32, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
+    time_s, cov = 30.5 / 30.0, 1e-8 * np.eye(2)
     without = fixed_interval(new(phantom), frames)
     found = fixed_interval(new(phantom), frames, fixes=[(time_s, place, cov)])
     assert [e.time_s for e in found] == [t for t, _ in frames]
-    for k in (44, 45):
+    for k in (30, 31):
         assert np.trace(found[k].cov) < 0.5 * np.trace(without[k].cov)
         off = (found[k].mean - states[k, hidden])[None]
         assert normalised_error_squared(off, found[k].cov[None])[0] < 9.2  # 99 %
     tissue = new(phantom)
-    followed(tissue, frames[:45])
+    followed(tissue, frames[:31])
     tissue.predict(time_s)
     tissue.fix(place, cov)
-    last = followed(tissue, frames[45:])[-1]
+    last = followed(tissue, frames[31:])[-1]
     np.testing.assert_allclose(found[-1].mean, last.mean, rtol=0, atol=1e-12)
     beside = fixed_interval(new(phantom), frames, fixes=[(10.0, place, cov), (-1.0, place, cov)])
     np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])
@@ -155,7 +155,7 @@ def test_a_fix_tells_of_before_and_after(phantom, run, hidden):
 def test_nothing_is_known_across_a_new_start(phantom, run):
     """Marks lost for 1.2 s, longer than lost_s, then a new start: what comes after changes no estimate of before."""
     frames = run[0]
-    gap = [(t, marks if k < 10 or k >= 45 else []) for k, (t, marks) in enumerate(frames[:55])]
+    gap = [(t, marks if k < 4 or k >= 39 else []) for k, (t, marks) in enumerate(frames[:46])]
     whole = fixed_interval(new(phantom), gap)
-    cut = fixed_interval(new(phantom), gap[:45])
-    np.testing.assert_array_equal([e.mean for e in whole[:45]], [e.mean for e in cut])
+    cut = fixed_interval(new(phantom), gap[:39])
+    np.testing.assert_array_equal([e.mean for e in whole[:39]], [e.mean for e in cut])

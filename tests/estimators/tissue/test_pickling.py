@@ -20,7 +20,7 @@ from estimators import (
 from tests.estimators.states import digest
 
 WAYS = {"pickled": lambda one: pickle.loads(pickle.dumps(one)), "copied": copy.deepcopy}
-N_FRAMES, CUT = 10, 6
+N_FRAMES, CUT = 8, 5
 """Frames, and after how many of them the filter is pickled or copied."""
 
 way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
@@ -135,10 +135,10 @@ def test_what_is_built_on_a_filter_goes_along(way):
         (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), taken),
         (AssociationFilter(TissueFilter(network, HIDDEN, OUTER), (OUTER,)), named),
     ):
-        for k in range(5):
+        for k in range(4):
             follow(made, k)
         other = way(made)
-        for k in range(5, 9):
+        for k in range(4, 6):
             expected, found = follow(made, k), follow(other, k)
             np.testing.assert_array_equal(found.mean, expected.mean)
             np.testing.assert_array_equal(found.cov, expected.cov)

@@ -83,8 +83,8 @@ def test_speckles_a_flash_of_two_frames_and_a_marks_own_return_are_nothing() -> 
     pictures = [picture(rng, CLOTH) for _ in range(FIRST)]
     for _ in range(30):  # specks of two pixels: of more area than ten marks in all
         specked = picture(rng, CLOTH)
-        for u, v in zip(rng.integers(0, 638, 2000), rng.integers(0, 478, 2000), strict=True):
-            specked[v, u : u + 2] = RED
+        u, v = rng.integers(0, 638, 2000), rng.integers(0, 478, 2000)
+        specked[v, u] = specked[v, u + 1] = RED
         pictures.append(specked)
     pictures += [picture(rng, CLOTH, ((380.0, 300.0), 20, RED)) for _ in range(2)]
     pictures += [picture(rng, CLOTH) for _ in range(3)]

@@ -11,16 +11,16 @@ from estimators import FilterSettings, MarkMeasurement, TissueFilter, coverage, 
 from tests.estimators.conftest import followed
 
 SD_M, CLAMP_SD_M = 1e-3, 1e-4
-TIMES_S = np.arange(0.0, 3.0, 1.0 / 30.0)
+TIMES_S = np.arange(0.0, 2.0, 1.0 / 30.0)
 
 
 def clamp_path(t):
     """Where the clamp is, from where it was at first [m]."""
-    return np.array([0.012 * np.sin(2.0 * np.pi * 0.4 * t), 0.006 * np.sin(2.0 * np.pi * 0.25 * t)])
+    return np.array([0.012 * np.sin(2.0 * np.pi * 0.6 * t), 0.006 * np.sin(2.0 * np.pi * 0.4 * t)])
 
 
 def clamp_speed(t):
-    speeds = [0.012 * 0.4 * np.cos(2.0 * np.pi * 0.4 * t), 0.006 * 0.25 * np.cos(2.0 * np.pi * 0.25 * t)]
+    speeds = [0.012 * 0.6 * np.cos(2.0 * np.pi * 0.6 * t), 0.006 * 0.4 * np.cos(2.0 * np.pi * 0.4 * t)]
     return 2.0 * np.pi * np.array(speeds)
 
 
@@ -40,7 +40,7 @@ def moved(phantom):
         return np.r_[state[n:], (force[free] / phantom.masses[free, None]).ravel()]
 
     start = np.r_[rest_shape(phantom)[free].ravel(), np.zeros(n)]
-    states = solve_ivp(rate, (0.0, 3.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
+    states = solve_ivp(rate, (0.0, 2.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
     return np.array([placed(t, state)[0] for t, state in zip(TIMES_S, states, strict=True)])
 
 
