@@ -5,7 +5,9 @@ Each subcommand imports what it needs when it runs, so that `--help` loads littl
 
 from __future__ import annotations
 
+import atexit
 import errno
+import gc
 import sys
 from typing import Annotated, NoReturn
 
@@ -88,6 +90,7 @@ def main() -> None:
     """Run the command. Bad input ends it with one line on standard error and code 2, an interrupt with code 130."""
     one_thread_each()
     keep_kernels()
+    atexit.register(gc.freeze)  # all memory goes with the process: to collect it first takes half a second
     try:
         with terminations(), as_interrupts():
             code = app(prog_name="softaim", standalone_mode=False)

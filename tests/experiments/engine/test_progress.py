@@ -9,15 +9,10 @@ from experiments.commands.run import print_table
 from experiments.engine.progress import progress_lines
 from tests.experiments.waiting import until
 
+BEGUN = "0% after 0 s; a first run compiles"
 
-@pytest.mark.parametrize(
-    ("share", "line"),
-    [
-        (0.0, "0% after 0 s; a first run compiles"),
-        (0.005, "0% after 0 s; a first run compiles"),
-        (0.02, "2% after 0 s"),
-    ],
-)
+
+@pytest.mark.parametrize(("share", "line"), [(0.0, BEGUN), (0.005, BEGUN), (0.02, "2% after 0 s")])
 def test_a_run_that_stands_still_says_how_far_it_is_and_one_that_hardly_began_the_reason(share: float, line: str):
     """After a time, then after twice as long; the stage begun last is the one at work."""
     said: list[str] = []

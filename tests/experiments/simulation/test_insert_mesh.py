@@ -159,24 +159,16 @@ def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("z_mm", "way", "message"),
     [
-        (
-            130.0,
-            "0.0, 0.0, -1.0",
-            "needle.toml: entry_mm: expected a place within 50 mm of the body, found 100 mm outside",
-        ),
-        (34.0, "0.0, 0.0, 1.0", "needle.toml: direction: expected a direction toward the target, found one away"),
-        (
-            34.0,
-            "1.0, 0.0, -0.1",
-            "needle.toml: direction: expected a direction into the body, found one past",
-        ),
+        (130.0, "0.0, 0.0, -1.0", "entry_mm: expected a place within 50 mm of the body, found 100 mm outside"),
+        (34.0, "0.0, 0.0, 1.0", "direction: expected a direction toward the target, found one away"),
+        (34.0, "1.0, 0.0, -0.1", "direction: expected a direction into the body, found one past"),
     ],
 )
 def test_a_needle_that_does_not_meet_the_body_is_refused(tmp_path: Path, z_mm: float, way: str, message: str) -> None:
     case(tmp_path)
     text = NEEDLE.replace("14.0, 30.0]", f"14.0, {z_mm}]").replace("0.0, 0.0, -1.0]", f"{way}]")
     (tmp_path / "needle.toml").write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"needle.toml: {message}"):
         case_of(read_scenario(str(tmp_path / "scenario.toml")), needle_path=tmp_path / "needle.toml")
 
 

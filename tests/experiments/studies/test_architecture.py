@@ -49,6 +49,7 @@ def test_a_page_of_other_code_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 @pytest.mark.slow
-def test_the_drawing_is_a_picture(tmp_path: Path) -> None:
+def test_the_drawing_is_a_picture(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(architecture, "rooms_of", lambda package: rooms_of(package)[:2])  # arrows of these alone
     draw(tmp_path / "rooms.png")
     assert (tmp_path / "rooms.png").read_bytes().startswith(b"\x89PNG")

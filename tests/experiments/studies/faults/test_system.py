@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reas
 
 SEED = 7000
 FULL = "expected a table that can be written"
-PACES = [(6, 1.5), (24, 6.0), (60, 12.0)]
+PACES = [(3, 1.5), (24, 6.0), (60, 12.0)]
 """How much of the film may go by before the first state, and how long it goes on after the fault [s].
 
 Where that is too little, on a busy machine, a longer film is begun.
