@@ -38,7 +38,8 @@ def here(good, tmp_path, monkeypatch) -> Path:
 def without_pictures(monkeypatch):
     """Files of pictures have none in them, and those of a track are not there: for tests of numbers."""
     monkeypatch.setattr("experiments.plots.track.write_track_plots", lambda *_, **__: [])
-    monkeypatch.setattr("experiments.plots.style.saved", lambda *_: b"")
+    for module in ("style", "calibration"):
+        monkeypatch.setattr(f"experiments.plots.{module}.saved", lambda *_: b"")
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -18,7 +17,7 @@ def check_printed(figure: Figure, *, without_units: tuple[str, ...] = ()) -> Non
     """
     width_mm = 25.4 * figure.get_size_inches()[0]
     assert round(width_mm, 3) in (85.0, 170.0)
-    FigureCanvasAgg(figure).draw()
+    figure.draw_without_rendering()
     width, height = figure.bbox.size
     for text in words_of(figure):
         assert text.get_fontsize() >= 6.0, text.get_text()

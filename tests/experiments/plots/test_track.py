@@ -105,7 +105,7 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
 
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):
     """48 nodes in space, five times as many frames as points of a line: no more is drawn than a picture can show."""
-    n_drawn, n = 400, 2000
+    n_drawn, n = 100, 500
     for module in ("series", "path"):
         monkeypatch.setattr(f"experiments.plots.{module}.N_DRAWN", n_drawn)
     track = made_track(block(), small_errors(n, 3), np.full(n, 1e-3))

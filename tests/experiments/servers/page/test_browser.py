@@ -52,7 +52,10 @@ class Fed:
 
 @pytest.fixture(scope="module")
 def shown(browser: Any) -> Iterator[Fed]:
-    """The page, open on a run that goes on."""
+    """The page, open on a run that goes on; logs begin with it."""
+    browser.get("about:blank")
+    for kind in ("browser", "performance"):
+        browser.get_log(kind)
     with opened(browser, {**messages.scene(), "stale_ms": 1e3 * STALE_S}) as fed:
         yield fed
 
