@@ -52,10 +52,7 @@ class Fed:
 
 @pytest.fixture(scope="module")
 def shown(browser: Any) -> Iterator[Fed]:
-    """The page, open on a run that goes on; logs begin with it."""
-    browser.get("about:blank")
-    for kind in ("browser", "performance"):
-        browser.get_log(kind)
+    """The page, open on a run that goes on."""
     with opened(browser, {**messages.scene(), "stale_ms": 1e3 * STALE_S}) as fed:
         yield fed
 

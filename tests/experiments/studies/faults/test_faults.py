@@ -183,7 +183,7 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 )
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
-    found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.2) + seconds)
+    found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.5) + seconds)
     assert found.go_shown_while_faulty == 0
     assert found.go > 20
     if name == "16 bit":
@@ -210,7 +210,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp
 def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, onset, tmp_path, monkeypatch):
     """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
     monkeypatch.setattr("experiments.studies.faults.scripts.LASTS_S", 0.6)
-    found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(2.8) + 1.4)
+    found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(3.0) + 1.4)
     assert shown in found.shown
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 200.0

@@ -27,8 +27,8 @@ def numbers(table: str) -> list[float]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_the_table_in_the_readme_is_of_the_demo(tmp_path: Path, monkeypatch) -> None:
-    """Films of 2 s in place of 20: the heads are the README's, errors within a factor of two of those there."""
-    short = {name: read_scenario(name).model_copy(update={"duration_s": 2.0}) for name in SCENARIOS}
+    """Films of 3 s in place of 20: the heads are the README's, errors within a factor of two of those there."""
+    short = {name: read_scenario(name).model_copy(update={"duration_s": 3.0}) for name in SCENARIOS}
     monkeypatch.setattr(demo_of, "read_scenario", short.__getitem__)
     figures = demo(tmp_path / "demo", stage=lambda _name: lambda _share: None)
     shown = re.search(r"<!-- demo table -->\n(.*)\n<!-- end of demo table -->", README.read_text("utf-8"), re.DOTALL)
