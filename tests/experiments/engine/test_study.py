@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from contextlib import nullcontext
 from pathlib import Path
 
 import dask
@@ -23,11 +22,9 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def two():
-    """Two workers, as a cluster of somebody else's, begun without a limit of threads."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-        with workers.local_cluster(2, small_runs.__name__) as cluster:
-            yield Workers(scheduler=cluster.scheduler_address)
+    """Two workers, as a cluster of somebody else's."""
+    with workers.local_cluster(2, small_runs.__name__) as cluster:
+        yield Workers(scheduler=cluster.scheduler_address)
 
 
 def cases(n, folder=""):
@@ -41,10 +38,9 @@ def same(one: pd.DataFrame, other: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(one[columns], other[columns], check_exact=True)
 
 
-def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two, monkeypatch):
-    monkeypatch.setattr(workers, "local_cluster", lambda n, _module: nullcontext(two.scheduler) if n == 2 else None)
+def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two):
     one = run_study(small_runs.drawn, cases(16), tmp_path / "one", OWN_PROCESS)
-    other = run_study(small_runs.drawn, cases(16), tmp_path / "two", Workers(2))
+    other = run_study(small_runs.drawn, cases(16), tmp_path / "two", two)
     same(one.table, other.table)
     assert list(other.table["seed"]) == list(range(16))
     assert len(set(other.table["pid"])) > 1
@@ -70,17 +66,17 @@ from tests.experiments.engine import small_runs
 study.KEEP_S = study.KEEP_SHARE = 0.0
 if __name__ == "__main__":
     cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(8)]
-    study.run_study(small_runs.slow, cases, Path({study!r}), {workers!r})
+    study.run_study(small_runs.slow, cases, Path({study!r}), Workers(2))
 """
 
 
-def test_what_is_done_is_not_done_again_after_a_kill(tmp_path, two):
+def test_what_is_done_is_not_done_again_after_a_kill(tmp_path):
     """The whole study is killed when it has kept some runs, the later ones held; then the rest is done, here."""
     (tmp_path / "held").touch()
     script = tmp_path / "script.py"
-    text = STUDY.format(folder=str(tmp_path), study=str(tmp_path / "study"), workers=two)
-    script.write_text(text, encoding="utf-8")
-    process = subprocess.Popen([sys.executable, str(script)], env=os.environ | {"PYTHONPATH": str(ROOT)})
+    script.write_text(STUDY.format(folder=str(tmp_path), study=str(tmp_path / "study")), encoding="utf-8")
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    process = subprocess.Popen([sys.executable, str(script)], env=environment | {"PYTHONPATH": str(ROOT)})
     kept = tmp_path / "study" / "kept"
     until = time.monotonic() + 120.0
     while len(list(kept.glob("*.parquet"))) < 2 and time.monotonic() < until:
