@@ -56,7 +56,7 @@ def rooms_of(package: str) -> list[Room]:
 
 def _imported(path: Path) -> Iterator[str]:
     """Names of the packages and sub-packages from which a module imports."""
-    for node in _statements(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names = [node.module]
@@ -68,14 +68,6 @@ def _imported(path: Path) -> Iterator[str]:
                 is_room = len(parts) > 1 and (ROOT / parts[0] / parts[1] / "__init__.py").exists()
                 if is_room or len(parts) == 1:
                     yield ".".join(parts[:2]) if is_room else parts[0]
-
-
-def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """All statements in a syntax tree. No expression is visited: it contains no statement."""
-    for part in ("body", "handlers", "cases", "orelse", "finalbody"):
-        for child in getattr(node, part, ()):
-            yield child
-            yield from _statements(child)
 
 
 def layers_of(package: str) -> list[list[str]]:

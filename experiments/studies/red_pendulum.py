@@ -26,7 +26,6 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -138,13 +137,9 @@ def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], 
     if len(flights) < 2:
         raise InputError(f"film: expected a ball that swings freely at least twice, found {len(flights)} swings")
 
-    @cache  # a flight depends on few of the parameters, which the fit varies one by one
-    def swung(k: int, *p: float) -> Floats:
-        return _swung(times_s[flights[k]], p[:2], *p[2:])
-
     def parts(p: Floats) -> tuple[Plane, Floats]:
         plane = Plane(float(np.cos(p[0])), float(np.sin(p[0]) / FOCAL_PX), center_px, float(p[1]))
-        angles = [swung(k, *p[5 + 2 * k : 7 + 2 * k], *p[2:5]) for k in range(len(flights))]
+        angles = [_swung(times_s[f], p[5 + 2 * k : 7 + 2 * k], *p[2:5]) for k, f in enumerate(flights)]
         return plane, np.concatenate(angles)
 
     def left_over(p: Floats) -> Floats:
@@ -161,7 +156,7 @@ def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], 
     return Swing(float(fit.x[2]), float(fit.x[3]), float(fit.x[4]), plane, rms_px, tuple(strikes))
 
 
-def _swung(times_s: Floats, start: Sequence[float], w: float, rest: float, damping: float) -> Floats:
+def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float) -> Floats:
     def slope(y: Floats, _t: float) -> tuple[float, float]:
         return y[1], -w * w * math.sin(y[0] - rest) - 2.0 * damping * y[1]
 
