@@ -105,8 +105,9 @@ class LevelPosterior:
     Each mark is predicted from other marks, and the likelihoods of these predictions weight the levels. The joint
     likelihood of all marks would favour levels that are too small.
 
-    State: log_weights, the log probability of each pair of level and noise factor, (n,); log_withheld, the log
-    likelihood of the last frame's marks, each predicted from other marks.
+    State: log_weights, from which follow level, the estimated standard deviation of the discrepancy relative to the
+    body's extent [1], and noise, the estimated factor on the standard deviation of the marks' noise [1]; log_withheld,
+    the log likelihood of the last frame's marks, each predicted from other marks.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -118,18 +119,15 @@ class LevelPosterior:
         self.log_withheld = 0.0
 
     @property
-    def level(self) -> float:
-        """Estimated standard deviation of the discrepancy, relative to the body's extent [1]."""
-        return self._rms(self.levels)
+    def log_weights(self) -> Floats:
+        """Log probability of each pair of level and noise factor, up to a constant, (n,)."""
+        return self._log_weights
 
-    @property
-    def noise(self) -> float:
-        """Estimated factor on the standard deviation of the marks' noise [1]."""
-        return self._rms(self.noises)
-
-    def _rms(self, values: Floats) -> float:
-        weights = np.exp(self.log_weights - self.log_weights.max())
-        return float(np.sqrt(weights @ values**2 / weights.sum()))
+    @log_weights.setter
+    def log_weights(self, log_weights: Floats) -> None:
+        weights = np.exp(log_weights - log_weights.max())
+        self._log_weights, shares = log_weights, weights / weights.sum()
+        self.level, self.noise = (float(np.sqrt(shares @ values**2)) for values in (self.levels, self.noises))
 
     def forget(self, dt: float) -> None:
         """Reduce the weight of earlier frames after a time step dt [s]."""
@@ -161,8 +159,8 @@ class LevelPosterior:
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
         found = withheld_log_likelihoods(inverse_roots(covs), innovation, rows, ends, own)
         self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found) - np.logaddexp.reduce(self.log_weights))
-        self.log_weights = self.log_weights + self.prior.weight * found
-        self.log_weights -= np.logaddexp.reduce(self.log_weights)
+        log_weights = self.log_weights + self.prior.weight * found
+        self.log_weights = log_weights - np.logaddexp.reduce(log_weights)
 
 
 @dataclass(frozen=True, slots=True)

@@ -233,9 +233,11 @@ class TissueFilter(TissuePosterior):
             is_refuted = self._refuted_s > -np.inf  # all marks after a restart were outliers
             self._restart("restarted", as_drawn=is_refuted, marks=marks)
         taken, nis, shift = self._taken(marks, starting=starting)
-        self.health = after_frame(self.health, self.time_s, nis, self._measured(taken), self.settings)
+        measured = self._measured(taken)
+        self.health = after_frame(self.health, self.time_s, nis, measured, self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
             taken, nis = self._again(marks, before)
+            measured = self._measured(taken)
         self.rejected.update(mark.node for mark in marks if mark not in taken)
         covs = {mark.node: mark.total_cov for mark in taken if mark.node in self._driven}
         self.open_loop.take(min(dt, self.settings.forget_s), covs)
@@ -243,7 +245,7 @@ class TissueFilter(TissuePosterior):
         self._placed = self.filter.mean[self.process.parts["position"]] if taken else self._placed
         estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
         shares = self.shares(marks, float(np.trace(np.asarray(estimate.cov)))) if marks else {}
-        return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
+        return replace(estimate, information_share=shares, shift=shift, measured=measured)
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
         """Number of coordinates that the marks measure. In 3-D, a mark that only one camera sees measures no depth."""
