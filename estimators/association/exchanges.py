@@ -48,11 +48,7 @@ class InterchangeableMarks:
         seen = [mark for mark in marks if mark.node in self._place]
         if not seen:
             return costs
-        if starting:
-            expected = [tissue.expected_at_rest(node) for node in self.nodes]
-            means, covs = np.array([mean for mean, _ in expected]), np.array([cov for _, cov in expected])
-        else:
-            means, covs = tissue.expected_of(self.nodes)
+        means, covs = (tissue.expected_at_rest if starting else tissue.expected_of)(self.nodes)
         z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
         costs[:, [self._place[mark.node] for mark in seen]] = association_costs(means, covs, z, R)
         return costs

@@ -145,6 +145,11 @@ class TissuePosterior:
         return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
 
     @property
+    def by_considered(self) -> Floats:
+        """Displacement of the target per standard deviation of each considered error [m], (dim, n_considered)."""
+        return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, self.process.considered]
+
+    @property
     def may_be_led(self) -> bool:
         """Whether an external force may drag the body: always in 3-D, and in 2-D if the settings name `led_nodes`."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
@@ -277,11 +282,11 @@ class TissuePosterior:
             reach = self.settings.impulse_m_s * min(since_s, self.settings.impulse_s)
         return mean, cov + reach**2 * np.eye(len(mean))
 
-    def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """Search region for the first mark of a node: centre [m], (dim,), and covariance [m²], (dim, dim)."""
-        rows = self._maps[node]
-        cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
-        return self.rest[self.network.index(node)].copy(), BESIDE * cov
+    def expected_at_rest(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
+        """Search regions for the first marks of n nodes: centres [m], (n, dim), and covariances [m²], (n, dim, dim)."""
+        prior = self.process.prior(self.level.level)[1][0]
+        covs = [rows @ prior @ rows.T for rows in (self._maps[node] for node in nodes)]
+        return self.rest[[self.network.index(node) for node in nodes]], BESIDE * np.array(covs)
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
         """Search regions for the marks of n free nodes: centres [m], (n, dim), and covariances [m²], (n, dim, dim)."""

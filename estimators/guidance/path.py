@@ -99,14 +99,19 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """Mean [m], (dim,), and covariance [m²], (dim, dim), of the target, as if `TargetPoint.offset_m` were exact."""
-    return mean - tissue.offset_mean, tissue.tissue_cov
+    """Mean [m], (dim,), and covariance [m²], (dim, dim), of the target, as if the errors that last were zero.
+
+    These are the considered errors and that of `TargetPoint.offset_m`. `breathing_ahead` adds them to the prediction.
+    """
+    lasting = tissue.by_considered
+    return mean - tissue.offset_mean, tissue.tissue_cov - lasting @ lasting.T
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
     """Means [m], (k, dim), and covariances [m²], (k, dim, dim), that the breathing model predicts for the target."""
     means, covs = breathing.predict(times_s)
-    return means + tissue.offset_mean, covs + tissue.offset_cov
+    lasting = tissue.by_considered
+    return means + tissue.offset_mean, covs + tissue.offset_cov + lasting @ lasting.T
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:

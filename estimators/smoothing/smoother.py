@@ -32,12 +32,12 @@ class Step:
     """Record of one frame in the forward pass.
 
     mean, cov: mean (n,) and covariance (n, n) of the state after the frame
-    moves: the predictions since the last frame; empty if the filter started or restarted in this frame
+    moves: the predictions since the last frame; None if the filter started or restarted in this frame
     """
 
     mean: Floats
     cov: Floats
-    moves: Sequence[Move]
+    moves: Sequence[Move] | None
 
 
 class ForwardPass:
@@ -67,7 +67,7 @@ class ForwardPass:
         finally:
             before.trace = None
         own = self.tissue.filter  # a restart replaces it
-        return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
+        return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else None)
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
         """Smoothed mean [m], (dim,), and covariance [m²] of the target. Steps and results begin with the last step."""
@@ -143,11 +143,11 @@ def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tup
     considered: indices of the states that no observation corrects
     """
     mean, cov = np.empty(0), np.empty(0)
-    moves: Sequence[Move] = ()
+    moves: Sequence[Move] | None = None
     for one in steps:
-        if not moves:  # no later step depends on this one
+        if moves is None:  # no later step depends on this one
             mean, cov = one.mean, one.cov
-        for move in reversed(moves):
+        for move in reversed(moves or ()):
             mean, cov = smoothed_before(mean, cov, move, considered)
         moves = one.moves
         yield mean, cov

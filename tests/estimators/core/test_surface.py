@@ -77,7 +77,7 @@ LOOKS = {
     "predict_path": lambda one, t: one.predict_path(t + np.arange(3.0)),
     "expected": lambda one, _t: one.expected("M1"),
     "expected_after_impulse": lambda one, _t: one.expected_after_impulse("M1"),
-    "expected_at_rest": lambda one, _t: one.expected_at_rest("M1"),
+    "expected_at_rest": lambda one, _t: one.expected_at_rest(["M1"]),
     "expected_of": lambda one, _t: one.expected_of(("M1", "M4")),
     "place_of": lambda one, _t: one.place_of(one.target),
     "forgotten": lambda one, t: one.predict_at(t + 100.0),

@@ -2,8 +2,28 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 
-from estimators import Breathing, BreathingSettings, mean_bounds, normalised_error_squared
+from dynamics import (
+    HIDDEN,
+    OUTER,
+    ParameterUncertainty,
+    four_mass_phantom,
+    node_forces,
+    parameters,
+    scale_parameters,
+    supported,
+)
+from estimators import (
+    Breathing,
+    BreathingSettings,
+    MarkMeasurement,
+    TissueFilter,
+    breathing_ahead,
+    breathing_track,
+    mean_bounds,
+    normalised_error_squared,
+)
 
 FRAME_S = 1.0 / 30.0
 TURN = np.array([0.3, 0.95])
@@ -210,3 +230,38 @@ def test_bad_input_is_reported():
     for name in ("lasting_s", "forgotten"):
         with pytest.raises(ValueError, match=f"breathing {name}: expected more than 0, found 0"):
             BreathingSettings(**{name: 0})
+
+
+@pytest.mark.parametrize("seed", [1, 4, 8])
+def test_an_error_of_the_constants_lasts_and_is_in_the_covariance_ahead(seed):
+    """Truth: the marks are led to and fro; the target balances the forces of springs off by 30 %, as is stated."""
+    given, sd, step_s = four_mass_phantom(), 0.3, 1.0 / 15.0
+    rng, which = np.random.default_rng(seed), parameters(given, ("stiffness",))
+    true = supported(scale_parameters(given, which, sd * rng.normal(size=len(which))))
+    hidden, outer = given.index(HIDDEN), [given.index(name) for name in OUTER]
+
+    def places(time_s):
+        """Positions of all nodes [m]."""
+        x = given.positions.copy()
+        x[outer] += 1e-3 * np.array([[-10.0, 5.0], [20.0, 5.0], [0.0, 5.0]]) * np.sin(0.5 * np.pi * time_s)
+
+        def force(place):
+            x[hidden] = place
+            return node_forces(true, x, np.zeros_like(x))[hidden]
+
+        x[hidden] = root(force, given.positions[hidden]).x
+        return x
+
+    tissue = TissueFilter(given, HIDDEN, OUTER, uncertainty=ParameterUncertainty(which, sd**2 * np.eye(len(which))))
+    breathing = Breathing(2)
+    for k in range(240):
+        tissue.predict(k * step_s)
+        marks = places(k * step_s)[outer] + 5e-4 * rng.normal(size=(3, 2))
+        estimate = tissue.update(
+            [MarkMeasurement(*mark, 2.5e-7 * np.eye(2)) for mark in zip(OUTER, marks, strict=True)]
+        )
+        if k > 10:
+            breathing.update(k * step_s, *breathing_track(tissue, estimate.mean))
+    ahead_s = 239 * step_s + 0.5
+    means, covs = breathing_ahead(breathing, tissue, np.array([ahead_s]))
+    assert normalised_error_squared(means - places(ahead_s)[hidden], covs)[0] < 9.2  # 99 %

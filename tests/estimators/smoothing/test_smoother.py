@@ -159,3 +159,14 @@ def test_nothing_is_known_across_a_new_start(phantom, run):
     whole = fixed_interval(new(phantom), gap)
     cut = fixed_interval(new(phantom), gap[:39])
     np.testing.assert_array_equal([e.mean for e in whole[:39]], [e.mean for e in cut])
+
+
+def test_a_fix_at_the_time_of_a_frame_leaves_earlier_frames_as_smoothed(phantom, run):
+    """A fix that is too coarse to tell anything, at the time of a frame and just before."""
+    frames = run[0][:20]
+    same, before = (
+        fixed_interval(new(phantom), frames, fixes=[(frames[15][0] + shift, np.zeros(2), 1e6 * np.eye(2))])
+        for shift in (0.0, -1e-6)
+    )
+    np.testing.assert_allclose([one.mean for one in same], [one.mean for one in before], atol=1e-6)
+    np.testing.assert_allclose([one.cov for one in same], [one.cov for one in before], rtol=1e-3, atol=1e-12)
