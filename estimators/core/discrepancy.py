@@ -40,14 +40,14 @@ class Discrepancy:
     Attributes
     ----------
     levels : tuple of float
-        Possible standard deviations of the long-range field, relative to the body's extent [1]; choice. All are
-        equally probable.
+        Possible standard deviations of the long-range field, relative to the extent of the network's nodes [1];
+        choice. All are equally probable.
     noises : tuple of (float, float)
         Possible factors on the standard deviation of the marks' noise, each with its prior probability [1]; choice.
     short : float
         Ratio of the standard deviations of the short-range and the long-range field [1]; choice.
     lengths : tuple of float
-        Correlation lengths of the long-range and short-range field, relative to the body's extent [1]; choice.
+        Correlation lengths of the long-range and short-range field, relative to the extent of the nodes [1]; choice.
     lasting_s : float
         Correlation time of both fields [s]; choice.
     memory_s : float
@@ -81,7 +81,7 @@ class Discrepancy:
 
         places: positions of the n free nodes [m], (n, dim)
         held: positions of fixed nodes, where the displacement is zero [m], (any, dim)
-        Both results are for a long-range field whose standard deviation equals the body's extent (level 1).
+        Both results are for a long-range field whose standard deviation equals the extent of these positions (level 1).
         """
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))

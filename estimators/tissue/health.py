@@ -12,10 +12,6 @@ from estimators.tissue.settings import FilterSettings
 LEAST_FRAMES = 2
 """Smallest number of frames whose innovations are tested together."""
 
-MANY_DISTURBANCES = 2.5
-"""Largest sum of the probabilities of disturbances within test_s [1]; numerical. Two certain disturbances are allowed,
-and a third disturbance with a probability of at most 0.5."""
-
 
 @dataclass(frozen=True, slots=True)
 class Health:
@@ -24,34 +20,25 @@ class Health:
     status: see `Status`
     since_s: time of the first mark after the last start, loss or divergence [s]; None before the first mark
     seen_s: time of the last used mark [s]; -inf before the first mark
-    innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) for each frame of the last test_s
+    innovations: (time [s], NIS, degrees of freedom) for each frame of the last test_s
     """
 
     status: Status = Status.INITIALISING
     since_s: float | None = None
     seen_s: float = -inf
-    innovations: tuple[tuple[float, float, int, float], ...] = ()
+    innovations: tuple[tuple[float, float, int], ...] = ()
 
 
-def after_frame(
-    health: Health,
-    time_s: float,
-    nis: float | None,
-    degrees: int,
-    settings: FilterSettings,
-    *,
-    disturbance: float = 0.0,
-) -> Health:
+def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings) -> Health:
     """The health after a frame.
 
     nis: normalised innovation squared (NIS) of the used marks, None without marks; degrees: degrees of freedom of nis
-    disturbance: probability that a disturbance moved the tissue in this frame; confirm_s, lost_s, test_s: in `settings`
+    confirm_s, lost_s, test_s: in `settings`
 
     Until marks have been used for confirm_s, the status is INITIALISING. Then it is TRACKING in frames with marks, and
     COASTING in frames without marks. If no marks are used for longer than lost_s, the status is LOST. The next marks
-    lead to INITIALISING. If the sum of the NIS over test_s is too large, or if more than two disturbances are probable
-    within test_s, the status is DIVERGED and the filter restarts. If the restarted filter agrees with the marks for
-    test_s, the status is TRACKING again.
+    lead to INITIALISING. If the sum of the NIS over test_s is too large, the status is DIVERGED, and the filter
+    restarts. If the restarted filter agrees with the marks for test_s, the status is TRACKING again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -59,10 +46,9 @@ def after_frame(
     since_s = time_s if lost or health.since_s is None else health.since_s
     kept = () if lost else health.innovations
     recent = tuple(entry for entry in kept if entry[0] > time_s - settings.test_s) or kept[1 - LEAST_FRAMES :]
-    innovations = (*recent, (time_s, nis, degrees, disturbance))
+    innovations = (*recent, (time_s, nis, degrees))
     known = Health(health.status, since_s, time_s, innovations)
-    disturbed = sum(entry[3] for entry in innovations) > MANY_DISTURBANCES
-    if len(innovations) >= LEAST_FRAMES and (disturbed or diverged(innovations, settings.test_sigmas)):
+    if len(innovations) >= LEAST_FRAMES and diverged(innovations, settings.test_sigmas):
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
@@ -78,7 +64,7 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
     return Status.COASTING if health.status is Status.TRACKING else health.status
 
 
-def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
+def diverged(innovations: Sequence[tuple[float, float, int]], sigmas: float) -> bool:
     """Whether the sum of the NIS is larger than the degrees of freedom times `largest_ratio`."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)

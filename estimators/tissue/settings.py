@@ -23,7 +23,7 @@ class FilterSettings:
     impulse_s: time for which the node moves at impulse_m_s before the springs pull it back [s]; choice
     confirm_s: time from the first used marks until the filter is TRACKING [s]; choice
     lost_s: time without marks after which the target is LOST [s]; choice
-    forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
+    forget_s: time between two frames, at least lost_s, after which the state is reset [s]; choice
     test_s: time over which innovations are tested together for divergence [s]; choice
     test_sigmas: threshold of the test for divergence, in standard deviations of a normal variable [1]; choice
     model_only_share: an estimate is `model_only` if its variance exceeds this share of the variance before any mark
