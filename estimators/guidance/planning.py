@@ -179,7 +179,8 @@ def candidate_paths(
         tips = lesion.mean + needle_displacement(network, C, needle, tips, from_)
     along = tips - from_
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    spread = np.tile(np.linspace(-0.6, 0.6, n_aims), len(entries))[:, None] * lesion.radius_m
+    steps = np.arange(n_aims) - n_aims // 2
+    spread = np.tile(1.2 / max(1, n_aims - 1) * steps, len(entries))[:, None] * lesion.radius_m
     if network.dim == 2:
         return from_, tips + spread * np.stack([-along[:, 1], along[:, 0]], axis=1)
     least = np.eye(3)[np.abs(along).argmin(axis=1)]

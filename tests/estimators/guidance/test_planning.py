@@ -63,6 +63,12 @@ def test_each_path_aims_where_its_own_push_moves_the_target(phantom, lesion):
     assert np.linalg.norm(found.pushed, axis=1).min() > 5e-3
 
 
+def test_a_single_aim_is_the_centre(phantom, lesion):
+    """The middle one of five aims from each entry."""
+    of_five, of_one = (candidate_paths(phantom, HIDDEN, lesion, SOFT, SKIN.entries(3), n)[1] for n in (5, 1))
+    np.testing.assert_allclose(of_one, of_five[2::5], rtol=0, atol=1e-12)
+
+
 def test_the_probability_is_what_draws_say(phantom, lesion):
     """The best path: target, tip and one factor on all forces drawn 200,000 times; four standard errors, 0.005."""
     needle = PlannedNeedle()
