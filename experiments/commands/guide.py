@@ -70,6 +70,7 @@ def plan(
     source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file for tissue at rest.")],
     out: Out,
     plan_file: Annotated[Path, typer.Option("--plan", help="Plan file: needle, skin and obstacles.")],
+    scene: SceneFile = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
@@ -79,8 +80,8 @@ def plan(
     from experiments.plots.plan import plan_figure
     from experiments.plots.style import write_picture
 
-    with run.folder(out, force=force, inputs=[source, plan_file]) as folder:
-        done = planned(source, plan_file, run.stage)
+    with run.folder(out, force=force, inputs=[source, plan_file, scene]) as folder:
+        done = planned(source, plan_file, scene, run.stage)
         run.use(done.scene, before="track")
         write_plan(done, folder)
         write_picture(plan_figure(done), folder / "plan.png", vector)

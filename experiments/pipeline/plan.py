@@ -47,11 +47,17 @@ class Planned:
 
 
 def planned(
-    source: Path, plan_path: Path, stage: Callable[[str], Advance] = lambda _name: lambda _share: None
+    source: Path,
+    plan_path: Path,
+    scene_path: Path | None = None,
+    stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Planned:
-    """Plan paths for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
-    if source.is_dir():
-        recording = read_recording(source, advance=stage("read"))
+    """Plan paths for a recording's folder or a scene file; raises InputError, SourceError, NetworkError.
+
+    scene_path: file of a scene that replaces the scene in the recording's folder
+    """
+    if source.is_dir() or scene_path is not None:
+        recording = read_recording(source, scene_path, stage("read"))
         advance = stage("track")
         scene = recording.scene
         task = read_task(plan_path, scene.network.dim)

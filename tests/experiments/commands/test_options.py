@@ -85,6 +85,7 @@ tune marks --out out.toml | --scene other.toml | tuned_scene.0.scene
 tune marks --out out.toml | --minutes 2 | tuned_scene.2
 tune marks --out scene.toml | --force | code
 plan scene.toml --out out | --plan plan.toml | code
+plan marks --plan plan.toml --out out | --scene other.toml | planned.2
 plan scene.toml --plan plan.toml --out out | --vector pdf | write_picture.2
 insert scenario.toml --out out | --runs 3 | insert.1
 insert scenario.toml --out out | --scene other.toml | insert.0.given

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,7 +16,7 @@ from estimators import TissueFilter
 from experiments.errors import InputError
 from experiments.formats.plan_file import read_task
 from experiments.formats.recording import MarkRow, read_recording, write_marks_csv
-from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
 from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
@@ -165,6 +166,15 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     np.testing.assert_allclose(reported["target"]["cov_mm2"], 1e6 * (said.cov + unstated), rtol=1e-3)
     assert reported["target"]["time_s"] == pytest.approx(19 / 30 + 0.2)
     assert softaim("plan", folder, "--plan", plan_file, "--out", folder / "out") == 2
+
+
+def test_another_scene_replaces_that_of_the_recording(scene, plan_file, tmp_path):
+    """The marks at rest, planned with another radius of the target."""
+    write_marks(tmp_path, 1e-7 * np.arange(12), 1e-3)
+    other = read_scene(scene)
+    write_scene(replace(other, target=Target(HIDDEN, 0.003)), tmp_path / "other.toml")
+    lesions = [planned(tmp_path, plan_file, path).lesion for path in (None, tmp_path / "other.toml")]
+    assert [lesion.radius_m for lesion in lesions] == [0.008, 0.003]
 
 
 def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
