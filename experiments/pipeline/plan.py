@@ -20,7 +20,9 @@ from experiments.errors import InputError
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
+from experiments.formats.scene.mesh import ON_SKIN_M, outside_m
 from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.log import LOG
 from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame
@@ -90,6 +92,9 @@ def planned(
         raise InputError.at(f"{plan_path}: entry", "a segment of skin outside the lesion", "one that touches it")
     entries, tips = candidate_paths(*common, skin, task.n_aims)
     found = ranked(*common, task.skin, task.obstacles, entries=entries, tips=tips)
+    if scene.mesh is not None and (air_m := float(outside_m(scene.mesh, skin).max())) > ON_SKIN_M:
+        where = f"entries are up to {1e3 * air_m:.1f} mm outside the body at rest"
+        LOG.warning("%s: %s; the path through air counts as depth", plan_path, where)
     return Planned(scene, task, lesion, found, estimate, time_s)
 
 

@@ -23,6 +23,7 @@ from experiments.pipeline.track import measurement
 from experiments.plots.plan import plan_figure
 from experiments.plots.space import two_views
 from tests.experiments.command import softaim
+from tests.experiments.formats.scene.test_mesh import folder as mesh_folder
 from tests.experiments.in_space import breast
 from tests.experiments.plots.printed import check_printed
 from tests.experiments.rows import complaint
@@ -142,6 +143,20 @@ def test_a_plan_in_space_is_seen_from_two_sides(tmp_path):
         np.testing.assert_allclose(np.linalg.norm(vessel.get_xy() - middle, axis=1), 4.0)
         (edges,) = [one for one in ax.collections if one.get_label() == "entry allowed"]
         assert len(edges.get_segments()) == 4
+
+
+@pytest.mark.usefixtures("mesh_cache")
+@pytest.mark.parametrize(("gap_mm", "stated"), [(0.5, None), (22.0, "up to 22.0 mm outside the body")])
+def test_entries_in_the_air_are_reported(tmp_path, caplog, gap_mm, stated):
+    """A flat box of entries above the top of the box of tetrahedra, which is at 30 mm."""
+    scene = mesh_folder(tmp_path)
+    at = f"{30.0 + gap_mm}]"
+    ends = f"from_mm = [10.0, 5.0, {at}\nto_mm = [30.0, 25.0, {at}\nnormal = [0.0, 0.0, 1.0]\n"
+    (tmp_path / "plan.toml").write_text(f"version = 1\n[entry]\n{ends}n = 4\n")
+    planned(scene, tmp_path / "plan.toml")
+    said = [line for line in caplog.messages if "outside the body" in line]
+    assert len(said) == (stated is not None)
+    assert all(stated in line and "air counts as depth" in line for line in said)
 
 
 @pytest.mark.usefixtures("without_pictures")
