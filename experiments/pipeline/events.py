@@ -81,9 +81,12 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
     """Messages by step: one for each step that the command `before` requires and the scene lacks.
 
-    There is also a message "hidden target" if the target has a measured mark.
+    There is also a message "hidden target" if the target has a measured mark, and a message "simulated truth" if the
+    constants are those of a simulation.
     """
     lines = {"at-rest": rest_line(scene)}
+    if before != "simulate":
+        lines["simulated truth"] = _simulated(scene)
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
             f"scene: the target {scene.target.node} is not hidden: it has a measured mark, which its estimate follows; "
@@ -99,6 +102,17 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 def is_identified(scene: Scene) -> bool:
     """Whether a scene's constants were identified from a recording, or are the true constants of a simulation."""
     return any(step.step in CONSTANTS for step in scene.steps) and not _edited(scene)
+
+
+def _simulated(scene: Scene) -> str | None:
+    """A message if the constants are the true constants of a simulation; otherwise None."""
+    done = {step.step for step in scene.steps} & set(CONSTANTS)
+    if done != {"simulate"} or _edited(scene):
+        return None
+    return (
+        "scene: the constants are the simulated truth, so errors are smaller than with identified constants; "
+        "--scene names another scene"
+    )
 
 
 def _unidentified(scene: Scene) -> str | None:

@@ -64,6 +64,11 @@ def found(scene):
     return with_step(scene, "identify", "1")
 
 
+def simulated(scene):
+    """The scene of a simulated recording: its constants are the true ones."""
+    return with_step(scene, "simulate", "1")
+
+
 def rested(scene):
     """The scene drawn 5 mm off after its rest and then its constants were found, which move it again."""
     return found(with_step(off(scene), "at-rest", "1"))
@@ -78,7 +83,11 @@ def rested(scene):
         (off, "track", ["at-rest", "identify", "tune"]),
         (found, "track", ["tune"]),
         (lambda scene: tuned(found(scene)), "track", []),
-        (lambda scene: with_step(scene, "simulate", "1"), "track", ["tune"]),
+        (simulated, "simulate", []),
+        (simulated, "track", ["simulated truth", "tune"]),
+        (lambda scene: tuned(simulated(scene)), "track", ["simulated truth"]),
+        (lambda scene: found(simulated(scene)), "track", ["tune"]),
+        (lambda scene: damped(simulated(scene)), "track", ["identify", "tune"]),
         (tuned, "track", ["identify"]),
         (lambda scene: damped(tuned(found(scene))), "track", ["identify"]),
         (lambda scene: found(tuned(scene)), "track", ["tune"]),
@@ -100,6 +109,12 @@ def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
     changed = steps_left_out(damped(tuned(found(scene))), "track")["identify"]
     assert "not identified since the network was changed after softaim tune" in changed
     assert "tuned before softaim identify, for other constants" in steps_left_out(found(tuned(scene)), "track")["tune"]
+
+
+def test_constants_of_the_simulation_are_reported(scene):
+    line = steps_left_out(simulated(scene), "track")["simulated truth"]
+    assert "the constants are the simulated truth" in line
+    assert "--scene" in line
 
 
 def test_what_is_assumed_is_one_line(scene):
