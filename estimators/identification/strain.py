@@ -32,7 +32,8 @@ class TuningResult:
     """Estimated discrepancy of a model.
 
     settings: the given settings, with the estimated discrepancy
-    names: always ("strain",); values: the estimated discrepancy [1], (1,); log_sd: standard error of its log, (1,)
+    names: always ("strain",); values: the estimated discrepancy [1], (1,)
+    strains, log_likelihoods: compared discrepancies [1], and the log likelihood of each, (n,)
     log_likelihood, log_likelihood_before: log likelihood of the estimated, and of the given discrepancy
     n_frames: number of used frames; in_time: False if the time was too short for all frames and passes
     """
@@ -40,7 +41,8 @@ class TuningResult:
     settings: FilterSettings
     names: tuple[str, ...]
     values: Floats
-    log_sd: Floats
+    strains: Floats
+    log_likelihoods: Floats
     log_likelihood: float
     log_likelihood_before: float
     n_frames: int
@@ -118,17 +120,10 @@ def tune_strain(
         replace(before, discrepancy=strains[best]),
         ("strain",),
         np.array([strains[best]]),
-        np.array([_log_sd(np.log(strains), logs)]),
+        np.array(strains),
+        logs,
         float(logs[best]),
         found[0],
         len(used),
         len(used) == len(frames),
     )
-
-
-def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a variable with a uniform prior, from its log likelihoods `logs` at the values `places`."""
-    weights = np.exp(logs - logs.max())
-    weights /= weights.sum()
-    width = np.ptp(places) / (len(places) - 1)
-    return float(np.sqrt(weights @ (places - weights @ places) ** 2 + width**2 / 12.0))

@@ -251,15 +251,18 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 
 def levels_table(report: Mapping[str, Any]) -> Table:
-    """A row for each noise level: value, unit and standard error."""
-    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
+    """A row for each compared level: its log likelihood, relative to the largest one, and which level was chosen."""
+    most = max(row["log_likelihood"] for row in report["levels"])
     rows = [
-        [name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}"]
-        for name, row in report["levels"].items()
+        [f"{row['strain']:g}", f"{row['log_likelihood'] - most:z.1f}", "chosen" * (row["strain"] == report["strain"])]
+        for row in report["levels"]
     ]
-    gained = report["log_likelihood"] - report["log_likelihood_before"]
-    caption = f"The new levels change the log likelihood of the recording by {gained:+z.1f}."
-    return _table("Noise levels found", [["level"], "value", ["unit"], "standard error"], rows, caption)
+    before = f"{report['log_likelihood_before'] - most:+z.1f}"
+    caption = (
+        "Log likelihood of each mark given distant marks, relative to the largest; chosen: the largest level that the "
+        f"marks do not reject. Scene as given (without strain, its level is estimated in each frame): {before}."
+    )
+    return _table("Levels compared", ["strain", "log likelihood", [""]], rows, caption)
 
 
 def calibration_table(done: Calibration) -> Table:

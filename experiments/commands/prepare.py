@@ -199,11 +199,11 @@ def simulate(
     page = steps.read_text("utf-8", "replace") if steps is not None and steps.is_file() else ""
     if own is not None and f"simulate {own.name} " in page:  # in a project each recording has its own next step
         line = f"Recording{'s' if runs else ''} in {out}; next: the following step in {steps}"
-    elif runs is None:
-        line = f"Recording in {out}; next: softaim track {out} --out {out}-track"
     else:
-        where = f"{out}/{names[0]}"
-        line = f"{runs} recordings in {where} ...; next: softaim track {where} --out {out}-track"
+        where = out if runs is None else f"{out}/{names[0]}"
+        written = f"Recording in {out}" if runs is None else f"{runs} recordings in {where} ..."
+        assumed = f" --scene {steps.with_name('scene.toml')}" if steps is not None and page else ""
+        line = f"{written}; next: softaim track {where}{assumed} --out {out}-track"
     return Answer({"out": out, "recordings": [out / name for name in names]}, [line])
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dynamics import MassSpringNetwork
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -107,15 +108,13 @@ def overlay_of(
     scene, estimate = line.scene, step.estimates[FILTER]
     view = view_of(scene, camera)
     network = scene.network
-    named = network.n_nodes <= MOST_NAMED
-    names = tuple(name if named or name == scene.target.node else "" for name in network.names)
     target_px, target_cov_px2 = view.seen(estimate.mean, estimate.cov)
     return Overlay(
         status=str(estimate.status),
         status_colour=STATUSES[estimate.status],
-        facts=facts(estimate, len(scene.measured_nodes)),
+        facts=facts(estimate, len(scene.measured_nodes), camera.name if len(scene.space_cameras) > 1 else ""),
         nodes_px=view.places(line.filter.positions),
-        names=names,
+        names=labels(network, scene.target.node),
         fixed=network.fixed,
         springs=network.springs,
         marks=_marks(scene, step, view),
@@ -130,12 +129,23 @@ def overlay_of(
     )
 
 
-def facts(estimate: TargetEstimate, n_measured: int) -> str:
-    """Text beside the status: time, number of marks used, and the target's standard deviation."""
+def labels(network: MassSpringNetwork, target: str) -> tuple[str, ...]:
+    """Names of the nodes, "" for those not labelled: names of a mesh's wall points would cover those of the marks."""
+    named = ~network.fixed if network.continuum is not None else np.full(network.n_nodes, True)
+    named &= network.n_nodes <= MOST_NAMED
+    return tuple(name if shown or name == target else "" for name, shown in zip(network.names, named, strict=True))
+
+
+def facts(estimate: TargetEstimate, n_measured: int, camera: str = "") -> str:
+    """Text beside the status: time, number of marks used, and the target's standard deviation.
+
+    camera: name of one of several cameras, all of whose marks are counted; otherwise ""
+    """
     sigma = ""
     if estimate.cov is not None and np.isfinite(estimate.cov).all():
         sigma = f", sigma {1e3 * float(np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1].clip(0.0))):.1f} mm"
-    return f"{estimate.time_s:.2f} s, {estimate.marks_used} of {n_measured} marks{sigma}"
+    of, by = (f"{camera}: ", " by all cameras") if camera else ("", "")
+    return f"{of}{estimate.time_s:.2f} s, {estimate.marks_used} of {n_measured} marks{by}{sigma}"
 
 
 def advice_words(guidance: Guidance) -> str:

@@ -301,10 +301,10 @@ def _known_badly(found: IdentificationResult) -> list[str]:
 def tuning_report(found: TuningResult) -> dict[str, object]:
     """The output of `softaim tune --json`."""
     return {
-        "levels": {
-            name: {"value": float(level), "relative_standard_error": float(sd)}
-            for name, level, sd in zip(found.names, found.values, found.log_sd, strict=True)
-        },
+        "levels": [
+            {"strain": float(strain), "log_likelihood": float(log)}
+            for strain, log in zip(found.strains, found.log_likelihoods, strict=True)
+        ],
         "strain": found.settings.discrepancy,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,

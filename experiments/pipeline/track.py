@@ -258,7 +258,8 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
     ours["variance_shares"] = dict(done.variance_shares)
     if done.marks:
         ours["marks"] = {node: asdict(one) for node, one in done.marks.items()}
-        ours["marks_verdict"] = marks_verdict(done.recording.scene, done.marks)
+        misread = done.recording.aside is not None
+        ours["marks_verdict"] = marks_verdict(done.recording.scene, done.marks, misread=misread)
     if done.withheld:
         ours["check_marks"] = {node: asdict(one) for node, one in done.withheld.items()}
     return {OPEN_LOOP: dict(figures(done, OPEN_LOOP)), FILTER: ours}

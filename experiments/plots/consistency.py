@@ -117,7 +117,8 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
     ax.fill_between(done.times_s, low, high, color=OURS, alpha=0.15, lw=0, step="mid", label=label)
     draw_bands(ax, done.times_s, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
     shown = found[known & (found > LEAST_SHOWN) & (found < MOST_SHOWN)]
-    bottom, top = np.nanmin([*shown, *low]), np.nanmax([*shown, *high])
+    least = np.quantile(shown, 0.5 * SPARED) if len(shown) else np.nan  # a value near 0 would stretch the axis
+    bottom, top = np.nanmin([least, *low]), np.nanmax([*shown, *high])
     ax.set(ylabel=f"{key.upper()} [–]", ylim=(max(0.7 * bottom, LEAST_SHOWN), min(1.4 * top, MOST_SHOWN)))
     beyond = mark_beyond(ax, done.times_s, found, OURS)
     title = f"{key.upper()}: mean {_average(found[known].mean())}, expected {freedom[known].mean():.2g}"

@@ -50,9 +50,13 @@ def test_what_a_recording_determines_is_one_sentence(unknown: int, words: str) -
     assert str(table.caption).endswith(words)
 
 
-def test_the_gain_of_tuning_is_a_difference_of_log_likelihoods() -> None:
-    table = levels_table({"levels": {}, "log_likelihood": 1395.7, "log_likelihood_before": 1000.0})
-    assert table.caption == "The new levels change the log likelihood of the recording by +395.7."
+def test_levels_are_listed_with_the_log_likelihoods_by_which_one_is_chosen() -> None:
+    logs = {0.003: 1000.0, 0.01: 998.0, 0.03: 900.0}
+    levels = [{"strain": strain, "log_likelihood": log} for strain, log in logs.items()]
+    table = levels_table({"levels": levels, "strain": 0.01, "log_likelihood_before": 2000.0})
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert rows == [("0.003", "0.0", ""), ("0.01", "-2.0", "chosen"), ("0.03", "-100.0", "")]
+    assert str(table.caption).endswith(": +1000.0.")
 
 
 def test_of_many_marks_those_found_least_are_shown() -> None:

@@ -60,9 +60,10 @@ def mesh_of(content: bytes, path: Path) -> ProjectMesh:
 
 
 def extents(places: Floats) -> str:
-    """Text with the extent of these positions along each axis."""
-    ends = zip("xyz", 1e3 * places.min(axis=0), 1e3 * places.max(axis=0), strict=True)
-    return ", ".join(f"{axis} is {low:.4g} to {high:.4g} mm" for axis, low, high in ends)
+    """Text with the extent of these positions along each axis, rounded to four figures of the largest one."""
+    digits = 4 - int(np.ceil(np.log10(1e3 * np.ptp(places, axis=0).max())))
+    ends = np.round(1e3 * np.array([places.min(axis=0), places.max(axis=0)]), digits) + 0.0  # no -0
+    return ", ".join(f"{axis} is {low:g} to {high:g} mm" for axis, low, high in zip("xyz", *ends, strict=True))
 
 
 def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:

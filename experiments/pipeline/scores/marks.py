@@ -38,6 +38,8 @@ LOOK_AT: Mapping[str, str] = {
 }
 """What the user should check, by the reason why a mark was lost."""
 
+MISREAD = "units and axes of marks.csv: the first marks would fit as the verdict says"
+
 
 @dataclass(frozen=True, slots=True)
 class MarkShares:
@@ -93,8 +95,11 @@ class MarkTally:
         return MarkShares(mark.measured, 1.0 - refused - lost, refused, lost, worst and str(worst), share)
 
 
-def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """Line on the mark that was missed most often: why, and what to check; None if no mark's share exceeds `MANY`."""
+def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares], *, misread: bool = False) -> str | None:
+    """Line on the mark that was missed most often: why, and what to check; None if no mark's share exceeds `MANY`.
+
+    misread: whether the first marks would fit the scene with other axes or units
+    """
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -105,7 +110,8 @@ def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
     others = [node for node, share in missed.items() if share > MANY and node != worst]
     more = f" (also missed: {', '.join(others)})" if others else ""
     where = f"{what} in {100.0 * one.reason_share:.0f} % of frames"
-    return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: check {LOOK_AT[reason]}"
+    look_at = MISREAD if misread and reason == REFUSED else LOOK_AT[reason]
+    return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: check {look_at}"
 
 
 def reason_words(scene: Scene, node: str, reason: str) -> str:

@@ -9,9 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from dynamics.elements import continuum_network
+from dynamics.mesh import Tissue
 from estimators import Advice, Guidance
 from experiments.film.overlay import Fate
-from experiments.film.views import ground_camera, overlay_of
+from experiments.film.views import ground_camera, labels, overlay_of
+from experiments.formats.mesh.body import tetrahedra
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
@@ -20,9 +23,10 @@ from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame
 from experiments.simulation.simulate import simulate
 from tests.experiments.command import softaim
+from tests.experiments.formats.mesh.shapes import box
 from tests.experiments.in_space import breast
 from tests.experiments.pipeline.sight.test_space import recorded
-from tests.experiments.plots.tracks import block
+from tests.experiments.plots.tracks import block, phantom
 from vision import Pose, Reason, VideoFileFrames
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -158,6 +162,8 @@ def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:
     estimate, n_drawn = step.estimates[FILTER], 0
     for camera in opened.scene.space_cameras:
         overlay = overlay_of(line, step, camera)
+        assert overlay.facts.startswith(f"{camera.name}: ")
+        assert " marks by all cameras" in overlay.facts
         slopes = (camera.project(estimate.mean + 1e-6 * np.eye(3)) - camera.project(estimate.mean)).T / 1e-6
         assert overlay.target_px == pytest.approx(camera.project(estimate.mean)[0])
         assert overlay.target_cov_px2 == pytest.approx(slopes @ estimate.cov @ slopes.T, rel=1e-3)
@@ -171,6 +177,17 @@ def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:
     behind = overlay_of(line, step, replace(camera, pose=turned))
     assert behind.marks == ()
     assert behind.target_cov_px2 is None
+
+
+def test_wall_points_of_a_mesh_have_no_label() -> None:
+    nodes, elements = box((3, 3, 3), 0.01)
+    mesh = tetrahedra(Path("box"), nodes, elements)
+    points = {"M1": np.array([0.03, 0.015, 0.015]), "T": np.array([0.02, 0.015, 0.015])}
+    network = continuum_network(mesh, [Tissue("fat", 5e3, 0.4, 1000.0, 0.01)], np.flatnonzero(nodes[:, 0] == 0), points)
+    assert "wall 1" in network.names
+    assert [name for name in labels(network, "T") if name] == ["M1", "T"]
+    springs = phantom().network
+    assert labels(springs, "M2") == springs.names
 
 
 def test_in_space_a_needle_from_outside_the_picture_is_drawn_up_to_its_edge(in_space, tmp_path) -> None:

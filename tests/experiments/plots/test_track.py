@@ -103,6 +103,15 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
     assert f"; {60 + int((away < low).sum())} frames outside" in ax.get_title(loc="left")
 
 
+def test_a_nis_near_0_does_not_stretch_the_axis(usual):
+    steps = list(usual.steps)
+    ours = replace(steps[0].estimates["filter"], nis=2e-4)
+    steps[0] = replace(steps[0], estimates=steps[0].estimates | {"filter": ours})
+    before, after = (consistency_figure(one).axes[-1] for one in (usual, replace(usual, steps=tuple(steps))))
+    assert after.get_ylim()[0] > 0.5 * before.get_ylim()[0]
+    assert "outside the plot" in after.get_title(loc="left")
+
+
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):
     """48 nodes in space, five times as many frames as points of a line: no more is drawn than a picture can show."""
     n_drawn, n = 100, 500

@@ -196,11 +196,12 @@ def test_tissue_that_would_fall_is_refused(monkeypatch) -> None:
 
 
 def test_a_simulated_recording_names_its_next_step(tmp_path, capsys) -> None:
-    """That of the project for its own scenarios, `track` for others beside them."""
+    """That of the project for its own scenarios, `track` with the project's scene for others beside them."""
     folder = tmp_path / "made"
     assert softaim("new", folder, "--kind", "breast", "--masses", 6) == 0
+    track = f"softaim track {tmp_path / 'ill.toml'} --scene {folder / 'scene.toml'} --out"
     text = re.sub(r"duration_s = [\d.]+", "duration_s = 0.1", (folder / "still.toml").read_text(encoding="utf-8"))
-    for name, step in (("still.toml", "the following step in"), ("ill.toml", "softaim track")):
+    for name, step in (("still.toml", "the following step in"), ("ill.toml", track)):
         (folder / name).write_text(text, encoding="utf-8")
         capsys.readouterr()
         assert softaim("simulate", folder / name, "--out", tmp_path / name) == 0

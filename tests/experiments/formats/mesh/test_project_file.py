@@ -11,7 +11,7 @@ from dynamics.elements import continuum_network
 from dynamics.mesh import Tissue
 from experiments.errors import InputError
 from experiments.formats.mesh.body import tetrahedra
-from experiments.formats.mesh.project_file import ProjectMesh, held, mesh_content, mesh_of
+from experiments.formats.mesh.project_file import ProjectMesh, extents, held, mesh_content, mesh_of
 from experiments.formats.mesh.reduced import reduced
 from tests.experiments.formats.mesh.shapes import box
 
@@ -136,3 +136,8 @@ def test_without_a_cache_it_is_made_each_time(made: Reduced, tmp_path: Path) -> 
     made()
     made()
     assert made.calls == 2
+
+
+def test_extents_are_rounded_relative_to_the_largest_one() -> None:
+    corners = np.array([[-0.05983, 1.0, -1.323e-18], [0.0, 1.04982, 0.0300004]])
+    assert extents(corners) == "x is -59.83 to 0 mm, y is 1000 to 1049.82 mm, z is 0 to 30 mm"

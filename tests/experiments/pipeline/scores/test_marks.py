@@ -71,6 +71,16 @@ def test_nothing_is_reported_that_95_percent_allow_for(missed: int, reported: bo
         assert verdict.startswith("mark M4: refused in 6 % of frames: refused by the gate: check the model")
 
 
+def test_marks_in_other_units_or_axes_are_not_blamed_on_the_model() -> None:
+    tally = MarkTally(phantom())
+    tally.take(step("1234", {}, refused=("M4",)))
+    of_units = marks_verdict(phantom(), tally.shares(), misread=True) or ""
+    assert of_units.endswith("check units and axes of marks.csv: the first marks would fit as the verdict says")
+    tally.take(step("123", {"M4": Reason.FAR}))
+    tally.take(step("123", {"M4": Reason.FAR}))
+    assert "check the model, and the scale" in (marks_verdict(phantom(), tally.shares(), misread=True) or "")
+
+
 def test_a_hidden_mark_without_any_row_is_not_listed_as_lost() -> None:
     """M2 is for scoring only, M3 is not; with a row in one frame of two M2 is listed."""
     tally = MarkTally(phantom())
