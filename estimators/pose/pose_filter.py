@@ -53,7 +53,8 @@ class PoseEstimate:
     """Estimate of the pose error at one time.
 
     motion: rigid motion from the true positions of points to their measured positions
-    cov: error covariance of translation [m] and rotation [rad], (n, n), including errors of the reference marks' places
+    cov: error covariance of translation [m] and rotation [rad], (n, n), including errors of the reference marks'
+        places. Several cameras share these errors, but each camera's filter treats them as independent (approximation).
     columns: change of translation [m] and rotation [rad] per standard deviation of each calibration error,
         (n, n_calibration)
     """
@@ -202,7 +203,13 @@ class PoseFilter:
         unseen_s = START_S if self._seen_s is None else self.time_s - self._seen_s
         self._seen_s = self.time_s
         log_moved = float(np.log(-np.expm1(-max(unseen_s, 1e-3) / s.moved_each_s)))
-        born = replace(first, rate=np.zeros(self.n), P=self._moved(first.P), log_weight=first.log_weight + log_moved)
+        born = replace(
+            first,
+            rate=np.zeros(self.n),
+            P=self._moved(first.P),
+            columns=np.concatenate([first.columns[: self.n], np.zeros_like(first.columns[self.n :])]),
+            log_weight=first.log_weight + log_moved,
+        )
         updated = [self._updated(one, marks) for one in (*self._hypotheses, born)]
         order = sorted(range(len(updated)), key=lambda k: -updated[k].log_weight)
         best = updated[order[0]].log_weight

@@ -222,6 +222,20 @@ def test_an_error_of_the_calibration_is_considered_in_pose_and_marks():
     assert still.change_to(pose.estimate.motion)[0] != 0.0  # the middle of the marks is not that of the picture
 
 
+def test_after_a_move_the_rate_has_no_error_by_calibration():
+    """A calibration error that acts as a growing shift is in the rate; a sudden move resets the rate."""
+    rng, places = np.random.default_rng(8), {name: np.array(place) for name, place in PLACES[2].items()}
+    pose = PoseFilter(places, n_calibration=1)
+    for k in range(20):
+        pose.predict(k * DT)
+        shift = np.array([0.05 if k == 19 else 0.0, 0.0])
+        by = np.array([[1e-4 * k], [0.0]])
+        pose.update([replace(mark, shared=by) for mark in seen(centred(2).changed(np.append(shift, 0.0)), 2, rng)])
+    before = pose.estimate.columns
+    pose.predict(pose.time_s + 10.0)
+    np.testing.assert_allclose(pose.estimate.columns, before, rtol=1e-6, atol=1e-12)
+
+
 @pytest.mark.parametrize("call", ["no marks", "no time"])
 def test_what_cannot_be_is_refused(call):
     with pytest.raises(ValueError, match="expected"):

@@ -42,10 +42,10 @@ def marked(names="012345"):
     return replace(breast(), reference=Reference(tuple(marks)))
 
 
-def moved(camera, change):
-    """The camera in which the world seems to be moved so: shift [m], rotation about the origin [rad]."""
-    motion = RigidMotion.none(np.zeros(3)).changed(np.array(change, dtype=float))
-    return replace(camera, pose=camera.pose.after(Pose(motion.rotation, motion.translation)))
+def moved(camera, change, centre=(0.0, 0.0, 0.0)):
+    """The camera in which the world seems to be moved so: shift [m], rotation about the centre [rad]."""
+    motion = RigidMotion.none(np.array(centre)).changed(np.array(change, dtype=float))
+    return replace(camera, pose=camera.pose.after(Pose(motion.rotation, motion.moved(np.zeros((1, 3)))[0])))
 
 
 def exposure(scene, time_s, cameras, rng, positions=None):
@@ -112,8 +112,8 @@ def test_the_target_before_cameras_that_drift_apart_by_1_mm_s_is_as_before_stand
 
 
 def test_marks_are_covered_where_calibration_pose_and_stated_places_are_wrong():
-    """NEES of a mark over worlds whose lens, poses, move and, in every other one, places are drawn as is stated."""
-    steps, nees = np.zeros((5, 15)), []
+    """NEES of a mark: lenses, poses, pose errors, a move and, in every other world, places are drawn as stated."""
+    steps, nees, settings = np.zeros((5, 15)), [], PoseSettings()
     steps[0, [0, 1]], steps[1, 2], steps[2, 9], steps[3, 12], steps[4, 14] = 2.0, 1.0, 2e-3, 1e-3, 1e-3
     for seed in range(10):
         rng, scene, place_sd_m = np.random.default_rng(seed), marked(), (5e-4, 0.0)[seed % 2]
@@ -126,6 +126,9 @@ def test_marks_are_covered_where_calibration_pose_and_stated_places_are_wrong():
         wrong = [np.array(mark.position_m) + rng.normal(0.0, place_sd_m, 3) for mark in scene.reference.marks]
         wrong = [replace(mark, position_m=at) for mark, at in zip(scene.reference.marks, wrong, strict=True)]
         drawn, scene = scene, replace(scene, reference=Reference(tuple(wrong), position_sd_m=place_sd_m))
+        centre = np.mean([mark.position_m for mark in drawn.reference.marks], axis=0)
+        starts = rng.normal(0.0, np.repeat([settings.start_m, settings.start_rad], 3), (2, 6))
+        true = [moved(one, start, centre) for one, start in zip(true, starts, strict=True)]
         line, change = Line(scene, baseline=False), rng.normal(0.0, 0.007, 6)
         assert scene.n_calibration == len(scene.calibration_steps[0]) + 12
         for k in range(3):
