@@ -61,9 +61,10 @@ class SceneMesh:
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
         """The tissues with Young's moduli that give this network's stiffness, for example after an identification.
 
-        The damping does not change. Therefore the ratio damping_s changes inversely to the stiffness.
+        The damping does not change. Therefore the ratio damping_s changes inversely to the stiffness. A tissue whose
+        nodes are all fixed has no stiffness and keeps its constants.
         """
-        factors = _traces(network) / self.stiffness
+        factors = np.divide(_traces(network), self.stiffness, out=np.ones(len(self.tissues)), where=self.stiffness > 0)
         return tuple(
             replace(tissue, young_pa=tissue.young_pa * factor, damping_s=tissue.damping_s / factor)
             for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)

@@ -125,6 +125,16 @@ def test_a_scaled_tissue_is_written_with_its_stiffness(tmp_path: Path) -> None:
     np.testing.assert_allclose([tissue.young_pa for tissue in again.mesh.tissues], [3250.0, 9750.0], rtol=1e-9)
 
 
+def test_a_tissue_that_is_fixed_keeps_its_constants(tmp_path: Path) -> None:
+    """Region 4 does not deform, so its stiffness, scaled or not, is 0. The other tissue is written as it was scaled."""
+    scene = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"region 4"')))
+    scaled = replace(scene.network, continuum=scene.network.continuum.scaled(np.array([1.5, 1.5])))
+    write_scene(replace(scene, network=scaled), tmp_path / "changed.toml")
+    tissues = read_scene(tmp_path / "changed.toml").mesh.tissues
+    np.testing.assert_allclose([tissue.young_pa for tissue in tissues], [3250.0, 9750.0], rtol=1e-9)
+    assert tissues[0] == scene.mesh.tissues[0]
+
+
 FAULTS = r"""
 file = "mesh.npz" | file = "none.npz" | {folder}/none.npz: expected the file of the scene's mesh, found no
 file = "mesh.npz" | file = "mesh.npz"\nsha256 = "0" | {folder}/mesh.npz: expected the mesh of SHA-256 0…, as
