@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -105,7 +106,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     body = read_body(of.path, of.unit, size_m, lambda places, given: _check_fits(of, places, given))
     tissues, regions = assigned(body, of.path, of.field, of.regions, young_pa)
     mesh = replace(body.mesh, regions=regions)
-    wall, fixed = _wall(ProjectMesh(mesh, np.empty(0, dtype=np.int64)), body, of)
+    wall, fixed = _wall(ProjectMesh(mesh, np.empty(0, dtype=np.int64)), body, of, [one.name for one in tissues])
     kept = ProjectMesh(mesh, wall)
     anchored = held(kept, fixed)
     faces = _free_faces(body, anchored)
@@ -209,9 +210,16 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
     return np.unique(body.faces.nodes[body.faces.fields[found[0]] == float(label)])
 
 
-def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The fixed nodes, and the text for the scene's key `fixed`; raises InputError if none or all nodes are fixed."""
+def _wall(of: ProjectMesh, body: Body, choice: MeshChoice, tissues: Sequence[str]) -> tuple[NDArray[np.int64], str]:
+    """The fixed nodes, and the text for the scene's key `fixed`; raises InputError if none or all nodes are fixed.
+
+    tissues: names, by region
+    """
     nodes, fixed = of.wall, (choice.fixed or "").strip()
+    region = REGION.fullmatch(fixed)
+    if region and int(region[1]) not in range(len(tissues)):
+        has = ", ".join(f"{k} ({name})" for k, name in enumerate(tissues))
+        raise InputError.at("--fixed", f"a region, {has}", shown(fixed))
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
     with placed("--fixed", ValueError):

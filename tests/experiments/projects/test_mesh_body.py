@@ -168,6 +168,7 @@ FAULTS = """
 --fixed x<99 | --fixed: expected 3 nodes or more, and not all, found 441 of 441; x is 0 to 40 mm
 --fixed 'q < 3' | --fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "q < 3"
 --fixed 'faces 1' | expected one field with label 1, "faces label=1" or "faces part=1", found "faces 1"
+--fixed 'region 2' --region 1=fat --region 2=gland | --fixed: expected a region, 0 (fat), 1 (gland), found "region 2"
 --fixed 'faces 9' | --fixed: expected a label of faces in the file, found "9"; it has 1, 5, 7
 --marks 0 | --marks: expected 1 or more, or a file of marks, found 0
 --marks none.csv | none.csv: expected a file, found none
