@@ -47,7 +47,8 @@ class TetMesh:
     Raises
     ------
     MeshError
-        If an element is flat or inverted, a node is in no element, or the body has several parts or exceeds 2 m.
+        If an element is flat or inverted, a node is in no element, a face is in more than two elements, or the body
+        exceeds 2 m or has several parts, which share no face.
     """
 
     nodes: Floats
@@ -106,9 +107,20 @@ class TetMesh:
             raise MeshError(
                 f"nodes: expected each in an element, found {(~used).sum()} in none, the first node {used.argmin()}"
             )
-        pairs = (elements[:, [0, 0, 0]].ravel(), elements[:, 1:].ravel())
-        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(len(nodes),) * 2)
+        ordered, n = np.sort(elements.astype(np.int64), axis=1), len(nodes)
+        faces = ordered[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
+        keys = (faces[:, 0] * n + faces[:, 1]) * n + faces[:, 2]
+        order = np.argsort(keys)
+        shared = keys[order[1:]] == keys[order[:-1]]
+        more = np.flatnonzero(shared[1:] & shared[:-1])
+        if len(more):
+            raise MeshError(
+                f"elements: expected each face in at most two, found {len(more)} in more, such as duplicates, "
+                f"the first element {order[more].min() // 4}"
+            )
+        pairs = (order[:-1][shared] // 4, order[1:][shared] // 4)
+        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(len(elements),) * 2)
         parts, part = connected_components(graph, directed=False)
         if parts > 1:
-            sizes = np.sort(np.bincount(part))[::-1]
-            raise MeshError(f"elements: expected one connected body, found {parts} parts of {sizes[:5].tolist()} nodes")
+            sizes = np.sort(np.bincount(part))[::-1][:5].tolist()
+            raise MeshError(f"elements: expected one body, connected by faces, found {parts} parts of {sizes} elements")

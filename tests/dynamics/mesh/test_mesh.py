@@ -28,7 +28,22 @@ WRONG = {
         ONE,
         "expected each in an element, found 1 in none, the first node 4",
     ),
-    "loose": (np.vstack([CORNERS, CORNERS + 0.3]), np.vstack([ONE, ONE + 4]), r"found 2 parts of \[4, 4\] nodes"),
+    "loose": (np.vstack([CORNERS, CORNERS + 0.3]), np.vstack([ONE, ONE + 4]), r"found 2 parts of \[1, 1\] elements"),
+    "joined at a node": (
+        np.vstack([CORNERS, -CORNERS[1:]]),
+        np.array([[0, 1, 2, 3], [0, 5, 4, 6]]),
+        r"expected one body, connected by faces, found 2 parts of \[1, 1\] elements",
+    ),
+    "joined at an edge": (
+        np.vstack([CORNERS, -CORNERS[1:3]]),
+        np.array([[0, 1, 2, 3], [0, 4, 5, 3]]),
+        r"found 2 parts of \[1, 1\] elements",
+    ),
+    "an element twice": (
+        np.vstack([CORNERS, -CORNERS[3:]]),
+        np.array([[0, 1, 2, 3], [0, 2, 1, 4], [0, 2, 1, 4]]),
+        "expected each face in at most two, found 1 in more, such as duplicates, the first element 0",
+    ),
     "not finite": (CORNERS * np.nan, ONE, "nodes: expected finite numbers"),
     "in the plane": (CORNERS[:, :2], ONE, r"expected finite numbers of shape \(n, 3\), found shape \(4, 2\)"),
     "triangles": (CORNERS, ONE[:, :3], r"elements: expected integers of shape \(m, 4\)"),

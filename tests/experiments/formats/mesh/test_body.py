@@ -92,7 +92,7 @@ TWO = (np.vstack([NODES, NODES + np.array([60.0, 0.0, 0.0])]), np.vstack([ELEMEN
 FAULTS_OF_A_VOLUME = [
     (NODES, flipped(), "elements: expected no flipped elements, whose volume is negative, found 1 of 96"),
     (flat(), ELEMENTS, "elements: expected no flat elements, found"),
-    (*TWO, r"elements: expected one connected body, found 2 parts of \[45, 45\] nodes"),
+    (*TWO, r"elements: expected one body, connected by faces, found 2 parts of \[96, 96\] elements"),
     (1e-3 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 0.04 mm with --unit mm"),
     (1500.0 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 60 m with --unit mm"),
     (INFINITE, ELEMENTS, "finite coordinates, found 1 without, the first node 8"),
