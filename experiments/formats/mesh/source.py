@@ -1,4 +1,4 @@
-"""Mesh files of other programs, read by meshio. Unit and order of the nodes remain those of the file."""
+"""Mesh files of other programs, read by meshio, except OBJ. Unit and order of the nodes remain those of the file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from experiments.errors import InputError, shown
 from experiments.extras import require
 
 READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": "obj", ".ply": "ply"}
-"""Modules of meshio by file name extension."""
+"""Modules of meshio by file name extension; `_obj` reads OBJ."""
 
 READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
 """Number of nodes of each permitted kind of cell. Points and lines are ignored; quadrilaterals become two triangles."""
@@ -70,7 +71,8 @@ def read_source(path: Path) -> Source:
         if is_poly:
             raise InputError.at(path, "an unstructured grid; a surface as STL or PLY", "POLYDATA")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), np.errstate(all="ignore"):
-            mesh = import_module(f"meshio.{READERS[path.suffix.lower()]}").read(str(path))
+            name = READERS[path.suffix.lower()]
+            mesh = _obj(path) if name == "obj" else import_module(f"meshio.{name}").read(str(path))
     except InputError:
         raise
     except OSError as error:
@@ -91,6 +93,25 @@ def read_source(path: Path) -> Source:
                 path, f"nodes 0 to {len(points) - 1} in cells", f"{cells.nodes.min()} to {cells.nodes.max()}"
             )
     return Source(path, points, triangles, tetrahedra, _numbers(mesh.point_data, len(points)))
+
+
+def _obj(path: Path) -> Any:
+    """Points and triangles of an OBJ file, as a mesh of meshio; a polygon becomes triangles around its first corner.
+
+    Only lines `v` and `f` are read. meshio reads neither faces `1//1` nor negative indices, which count from the end.
+    """
+    points: list[list[float]] = []
+    triangles: list[list[int]] = []
+    for line in path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").split("\n"):
+        word, *entries = line.split() or [""]
+        if word == "v":
+            points.append([float(entry) for entry in entries[:3]])
+        elif word == "f":
+            numbers = [int(entry.partition("/")[0]) for entry in entries]
+            first, *others = (number + len(points) if number < 0 else number - 1 for number in numbers)
+            triangles += [[first, *pair] for pair in pairwise(others)]
+    cells = [("triangle", np.array(triangles))] if triangles else []
+    return import_module("meshio").Mesh(np.array(points), cells)
 
 
 def _cells(mesh: Any, kinds: Sequence[str]) -> Cells:

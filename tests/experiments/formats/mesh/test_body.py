@@ -12,6 +12,7 @@ import pytest
 from dynamics.mesh import surface
 from experiments.errors import InputError
 from experiments.formats.mesh.body import Body, read_body
+from experiments.formats.mesh.source import read_source
 from tests.experiments.formats.mesh.shapes import box, sphere
 from tests.experiments.rows import complaint
 
@@ -84,6 +85,7 @@ def flat() -> np.ndarray:
     return nodes
 
 
+BALL, SHELL = sphere(30.0)
 INFINITE = np.where(np.arange(45)[:, None] == 8, np.inf, NODES)
 QUADRATIC = np.concatenate([ELEMENTS, ELEMENTS, ELEMENTS[:, :2]], axis=1)
 TWO = (np.vstack([NODES, NODES + np.array([60.0, 0.0, 0.0])]), np.vstack([ELEMENTS, ELEMENTS + len(NODES)]))
@@ -112,6 +114,31 @@ def test_without_a_unit_it_asks_with_the_extent_in_each(tmp_path: Path) -> None:
     path = written(tmp_path / "body.vtu", NODES, {"tetra": ELEMENTS})
     said = "--unit: expected the unit of body.vtu, mm, cm, m, found none; it is 40 mm in mm, 400 mm in cm, 40 m in m"
     assert complaint(read_body, path, None) == said
+
+
+@pytest.mark.parametrize(
+    ("vertex", "face"),
+    [
+        ("v {} {} {}", "f {0}//1 {1}//1 {2}//1"),
+        ("v {} {} {} 0.5 0.5 0.5", "f {0}/1/1 {1}/2/1 {2}/1/1"),
+        ("v {} {} {} 1.0", "f {0} \\\n {1} {2}"),
+        ("v {} {} {}", "s off\nf {3} {4} {5}\nl 1 2"),
+    ],
+)
+def test_the_forms_of_obj_are_read(tmp_path: Path, vertex: str, face: str) -> None:
+    """Normals, texture coordinates of other counts, colours, continued lines, and indices from the end."""
+    lines = ["o ball", "vt 0.5 0.5", "vt 0 1", "vn 0 0 1", *(vertex.format(*place) for place in BALL.tolist())]
+    lines += [face.format(*(corners + 1).tolist(), *(corners - len(BALL)).tolist()) for corners in SHELL]
+    (tmp_path / "ball.obj").write_text("\n".join(lines), encoding="utf-8")
+    source = read_source(tmp_path / "ball.obj")
+    np.testing.assert_allclose(source.points, BALL)
+    np.testing.assert_array_equal(source.triangles.nodes, SHELL)
+
+
+def test_a_polygon_of_obj_becomes_triangles(tmp_path: Path) -> None:
+    (tmp_path / "face.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 1 0\nv 1 2 0\nv 0 1 0\nf 1 2 3 4 5\n", encoding="utf-8")
+    triangles = read_source(tmp_path / "face.obj").triangles.nodes
+    np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
 
 
 POLYDATA = "# vtk DataFile Version 5.1\nx\nASCII\nDATASET POLYDATA\n"
@@ -170,7 +197,6 @@ def turned(faces: np.ndarray) -> np.ndarray:
     return np.vstack([faces[:1, ::-1], faces[1:]])
 
 
-BALL, SHELL = sphere(30.0)
 BALLS = (np.vstack([BALL, BALL + np.array([80.0, 0.0, 0.0])]), np.vstack([SHELL, SHELL + len(BALL)]))
 
 
