@@ -31,9 +31,12 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
     """Raise InputError for tissue options that are invalid for every body."""
     if young_pa is not None and (regions or field is not None):
         raise InputError.at("--young-kpa", "no --region and no --field with it", "one of them")
-    for text in regions:
+    labels = [text.partition("=")[0] for text in regions]
+    for i, text in enumerate(regions):
         if text.partition("=")[2] not in TISSUES:
             raise InputError.at("--region", f"LABEL=TISSUE with one of {', '.join(TISSUES)}", shown(text))
+        if labels[i] in labels[:i]:
+            raise InputError.at("--region", "each label once", shown(text))
 
 
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
@@ -50,10 +53,16 @@ def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], 
 
 
 def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str]) -> Tissues:
-    names = [name for name, values in body.cell_fields.items() if (values == np.round(values)).all()]
+    whole = {name: np.isfinite(values) & (values == np.round(values)) for name, values in body.cell_fields.items()}
+    names = [name for name, each in whole.items() if each.all()]
     chosen = field or (GROUPS if GROUPS in names else names[0] if len(names) == 1 else None)
     if chosen not in names:
-        has = f"{', '.join(names) or 'none'}"
+        faults = [
+            f"{name} with {body.cell_fields[name][each.argmin()]:g} in element {each.argmin()}"
+            for name, each in whole.items()
+            if not each.all()
+        ]
+        has = ", ".join([*names, *faults]) or "none"
         raise InputError.at(
             "--field",
             f"a field of whole numbers of the elements of {path.name}",

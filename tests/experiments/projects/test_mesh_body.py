@@ -180,6 +180,9 @@ FAULTS = """
 --field height | --field: expected height from 0 (fat) to 1 (gland), found 1.25 to 28.75
 --region 1=fat | --region: expected a tissue for label 2 of label, found none
 --region 3=fat | --region: expected a label of label, 1, 2, found "3=fat"
+--region 1=fat --region 1=gland | --region: expected each label once, found "1=gland"
+--region 1=fat --field part | whole numbers of the elements of body.vtu, found "part"; it has label, part with 0.5 in
+    element 0
 --region 1=bone | --region: expected LABEL=TISSUE with one of fat, gland, fibrous, skin, fascia, muscle
 --field label --young-kpa 4 | --young-kpa: expected no --region and no --field with it
 --nodes nodes.csv | --mesh: expected no --nodes beside it, found nodes.csv
@@ -202,6 +205,17 @@ def test_a_field_of_a_file_without_fields_is_one_line(tmp_path: Path, capsys) ->
     assert softaim("new", tmp_path / "made", "--kind", "mesh", "--mesh", path, *WALL, "--field", "glandularity") == 2
     expected = '--field: expected no --field, because bare.vtu has no fields, found "glandularity"\n'
     assert capsys.readouterr().err.endswith(expected)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(np.nan, "nan"), (np.inf, "inf"), (1.5, "1.5")])
+def test_labels_that_are_no_whole_numbers_are_one_line(tmp_path: Path, capsys, value: float, shown: str) -> None:
+    path, labels = tmp_path / "bad.vtu", np.ones(len(ELEMENTS))
+    labels[3] = value
+    meshio.write_points_cells(path, NODES, [("tetra", ELEMENTS)], cell_data={"label": [labels]})
+    words = ("--kind", "mesh", "--mesh", path, *WALL, "--region", "1=fat")
+    assert softaim("new", tmp_path / "made", *words) == 2
+    expected = "--field: expected a field of whole numbers of the elements of bad.vtu, found none; it has label with"
+    assert capsys.readouterr().err.endswith(f"{expected} {shown} in element 3\n")
 
 
 def test_without_wall_or_mesh_it_asks(body: Path, tmp_path: Path, capsys) -> None:
