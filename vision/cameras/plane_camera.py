@@ -252,6 +252,10 @@ def posed_camera(
     """A camera with this lens and pose. It looks at the plane z = 0 of the world.
 
     calibration: errors of lens and pose, (n, 15), as in `Calibration.uncertainty`
+    Raises ValueError if mid-picture does not show the plane.
     """
     homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
-    return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))
+    camera = PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))
+    if camera.plane_to_px[2] @ homography[2] < 0.0:  # `PlaneCamera` has changed the sign
+        raise ValueError(f"camera {name} pose: expected the plane before the camera, found it behind")
+    return camera

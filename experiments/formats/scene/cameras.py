@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.errors import shown
+from experiments.arrays import Floats
+from experiments.errors import placed, shown
 from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, read_camera_toml
 from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
@@ -48,7 +49,8 @@ def _of_file(table: CameraTable, folder: Path, dim: int) -> Camera:
         return _placed(table, lens, dim)
     if table.rotation is not None:
         raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's pose, found one")
-    return _in(dim, read_camera_toml(path))
+    with placed(path, ValueError):
+        return _in(dim, read_camera_toml(path))
 
 
 def _of_keys(table: CameraTable, dim: int) -> Camera:
@@ -74,20 +76,22 @@ def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
     pose = checked_pose(table.rotation, table.translation_mm)
-    try:
-        camera = SpaceCamera(lens.name or "camera", lens.size_px, lens.lens, pose, calibration=calibration)
-        return _in(dim, camera)
-    except ValueError:
-        raise ValueError(
-            f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"
-        ) from None
+    return _in(dim, SpaceCamera(lens.name or "camera", lens.size_px, lens.lens, pose, calibration=calibration))
 
 
 def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
     """The camera for a scene of this dimension: a `PlaneCamera` in the plane, the given camera in space."""
     if dim == 3:
         return camera
-    return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)
+    try:
+        return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)
+    except ValueError:
+        found = shown(_translation_mm(camera).tolist())
+        raise ValueError(f"translation_mm: expected a pose before the plane z = 0, found {found}") from None
+
+
+def _translation_mm(camera: PlaneCamera | SpaceCamera) -> Floats:
+    return np.round(1e3 * camera.pose.translation_m, 9)
 
 
 def camera_lines(camera: Camera) -> list[str]:
@@ -99,7 +103,7 @@ def camera_lines(camera: Camera) -> list[str]:
         keys |= {"matrix": camera.lens.matrix, "distortion": camera.lens.distortion}
     if not isinstance(camera, LensFile):
         if camera.lens is not None:
-            keys |= {"rotation": camera.pose.rotation, "translation_mm": np.round(1e3 * camera.pose.translation_m, 9)}
+            keys |= {"rotation": camera.pose.rotation, "translation_mm": _translation_mm(camera)}
             keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
         if isinstance(camera, PlaneCamera):
             keys["scale_sd"] = camera.scale_sd

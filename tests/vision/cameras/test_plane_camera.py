@@ -101,6 +101,13 @@ def test_bad_cameras_are_refused(size_px: tuple[int, int], plane_to_px: np.ndarr
         PlaneCamera("side", size_px, plane_to_px, sd)
 
 
+def test_a_plane_behind_a_posed_camera_is_refused() -> None:
+    for translation_m, turn_rad in (([0.0, 0.1, -0.6], 0.0), ([0.0, -0.3, 0.6], 1.7)):
+        rotation = cv2.Rodrigues(np.array([turn_rad, 0.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
+        with pytest.raises(ValueError, match="camera a pose: expected the plane before the camera, found it behind"):
+            posed_camera("a", (640, 480), LENS, Pose(rotation, np.array(translation_m)))
+
+
 POSE = Pose(cv2.Rodrigues(np.array([0.4, -0.3, 0.1]))[0] @ np.diag([1.0, -1.0, -1.0]), np.array([0.02, -0.03, 0.8]))
 
 

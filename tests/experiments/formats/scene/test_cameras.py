@@ -42,6 +42,7 @@ def scene_with(folder: Path, camera: str) -> Path:
         ("[800.0, 0.0, 320.0]", "[-800.0, 0.0, 320.0]", "camera[0].matrix: expected [[fx, 0, cx], [0, fy, cy]"),
         (TABLE, '[[camera]]\nfile = "no.toml"\n', "no.toml"),
         ("-0.002, 0.02]", "-0.002, 0.02, 0.1]", "camera[0]: distortion: expected 5, 8 or 12 numbers, found 6"),
+        (", 1800.0]", ", -1800.0]", "camera[0].translation_mm: expected a pose before the plane z = 0, found [20"),
         ("matrix = ", "plane_to_px = ", "camera[0]: distortion: expected no such key beside plane_to_px, found one"),
     ],
 )
@@ -100,6 +101,19 @@ def test_a_lens_without_a_name_is_written_with_one(tmp_path: Path) -> None:
 
 FRONT = 'file = "front.yaml"'
 
+CALIBRATED = f"""version = 1
+{TABLE.removeprefix(chr(10) + "[[camera]]")}
+matrix_sd = [0.0, 0.0, 0.0, 0.0]
+distortion_sd = [0.0, 0.0, 0.0, 0.0, 0.0]
+reprojection_rms_px = 0.1
+reprojection_rms_px_each = []
+images_used = []
+images_left_out = []
+mm_per_px = [2.0, 2.0]
+plane_image = "plane.png"
+uncertainty = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+"""
+
 
 @pytest.mark.parametrize(
     ("camera", "message"),
@@ -107,12 +121,14 @@ FRONT = 'file = "front.yaml"'
         (f"{FRONT}\n{POSED.splitlines()[0]}", "camera[0]: translation_mm: expected this key beside file, found"),
         (f'file = "camera.toml"\n{POSED}', "camera[0].rotation: expected no such key beside camera.toml, which has"),
         (f"{FRONT}\nmatrix = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]", "camera[0]: expected one of plane_to_px, matrix"),
+        ('file = "behind.toml"', "behind.toml: translation_mm: expected a pose before the plane z = 0, found [20"),
         ('file = "none.yaml"', "none.yaml: expected a file, found none"),
     ],
 )
 def test_faults_of_a_lens_file_are_reported(tmp_path: Path, camera: str, message: str) -> None:
     (tmp_path / "front.yaml").write_text(LENSES["ros"](LENS), encoding="utf-8")
-    (tmp_path / "camera.toml").write_text("version = 1\n", encoding="utf-8")
+    (tmp_path / "camera.toml").write_text(CALIBRATED, encoding="utf-8")
+    (tmp_path / "behind.toml").write_text(CALIBRATED.replace("1800", "-1800"), encoding="utf-8")
     assert message in complaint(read_scene, scene_with(tmp_path, f"[[camera]]\n{camera}\n"))
 
 
