@@ -40,6 +40,10 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 """End of an error message on the pose of a camera that has a lens."""
 
 
+LENS_REMEDY = "; check the units: translation_mm in mm, matrix in px"
+"""End of an error message on a lens whose model is not one-to-one."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """A scene: tissue, marks, target and cameras. Raises SceneError if these parts do not fit together.
@@ -95,6 +99,12 @@ class Scene:
                         f"camera[{i}].plane_to_px: expected every node before the camera's horizon,"
                         f" found {shown(name)} beyond{POSE_REMEDY if camera.lens else ''}"
                     ) from None
+            middle_px = (np.array(camera.size_px) - 1) / 2
+            try:
+                camera.to_plane(np.vstack([middle_px, camera.project(self.network.positions)]))
+            except ValueError:
+                expected = "a lens that shows mid-picture and every node"
+                raise SceneError(f"camera[{i}]: expected {expected}, found one that cannot{LENS_REMEDY}") from None
 
     def _check_marks(self) -> None:
         nodes = [mark.node for mark in self.marks]

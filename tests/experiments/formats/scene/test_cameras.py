@@ -28,6 +28,9 @@ translation_mm = [20.0, -30.0, 1800.0]
 """
 
 
+LENS_FAULT = "camera[0]: expected a lens that shows mid-picture and every node, found one that cannot; check the units"
+
+
 def scene_with(folder: Path, camera: str) -> Path:
     path = folder / "scene.toml"
     path.write_text(GOOD[: GOOD.index("[[camera]]")] + camera, encoding="utf-8")
@@ -43,6 +46,10 @@ def scene_with(folder: Path, camera: str) -> Path:
         (TABLE, '[[camera]]\nfile = "no.toml"\n', "no.toml"),
         ("-0.002, 0.02]", "-0.002, 0.02, 0.1]", "camera[0]: distortion: expected 5, 8 or 12 numbers, found 6"),
         (", 1800.0]", ", -1800.0]", "camera[0].translation_mm: expected a pose before the plane z = 0, found [20"),
+        ("30.0, 1800.0]", "30.0, 1.8]", LENS_FAULT),
+        ("[800.0, 0.0, 320.0]", "[800.0, 0.0, 320000.0]", LENS_FAULT),
+        ("[[800.0, 0.0, 320.0], [0.0, 790.0, 240.0]", "[[0.8, 0.0, 0.5], [0.0, 0.8, 0.5]", LENS_FAULT),
+        ("[-0.3,", "[1e6,", LENS_FAULT),
         ("matrix = ", "plane_to_px = ", "camera[0]: distortion: expected no such key beside plane_to_px, found one"),
     ],
 )
