@@ -52,11 +52,12 @@ class CameraFile(Strict):
     uncertainty: Annotated[list[Row], Field(min_length=1)]
 
 
-def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
+def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float], key: str = "matrix") -> Lens:
     """The lens with this camera matrix and distortion; raises ValueError, `key: expected …, found …`, if invalid."""
     A = np.array(matrix, dtype=float)
-    if not (A[0, 0] > 0 and A[1, 1] > 0 and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
-        raise ValueError(f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
+    good = A.shape == (3, 3) and np.isfinite(A).all() and min(A[0, 0], A[1, 1]) > 0
+    if not (good and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
+        raise ValueError(f"{key}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
     return Lens(A, np.array(distortion, dtype=float))
 
 

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 
 from experiments.arrays import Floats
-from experiments.errors import InputError, read_text, shown
+from experiments.errors import InputError, placed, read_text, shown
+from experiments.formats.camera_file import checked_lens
 from vision import Lens, quiet_opencv
 
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
@@ -59,6 +60,8 @@ def read_lens_file(path: Path) -> LensFile | None:
     if numbers is not None and len(re.split(r"[\s,;]+", text.strip())) % N_DLT == 0:
         view = "plane_to_px = [[L1, L2, L4], [L5, L6, L8], [L9, L10, 1]], for z = 0 in mm, with v down"
         raise InputError.at(path, view, "DLT coefficients")
+    if path.suffix.lower() in (".yml", ".yaml"):
+        raise InputError.at(path, "a camera of OpenCV or ROS", "neither" if text.strip() else "an empty file")
     return None
 
 
@@ -162,15 +165,14 @@ def _found(node: Any) -> str:
 
 
 def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not min(matrix[0, 0], matrix[1, 1]) > 0:
-        raise InputError.at(f"{path}: camera_matrix", "3 rows of 3 numbers, focal lengths above 0", _reported(matrix))
     flat = distortion.ravel()
     if len(flat) not in COEFFICIENTS or not np.isfinite(flat).all():
         expected = f"{', '.join(map(str, COEFFICIENTS[:-1]))} or {COEFFICIENTS[-1]} numbers, k1 k2 p1 p2 [k3 …]"
         raise InputError.at(f"{path}: distortion_coefficients", expected, _reported(flat))
     if flat[12:].any():
         raise InputError.at(f"{path}: distortion_coefficients", "a sensor that is not tilted", _reported(flat[12:]))
-    return Lens(matrix, np.append(flat[:12], np.zeros(max(0, 5 - len(flat)))))
+    with placed(path, ValueError):
+        return checked_lens(matrix.tolist(), np.append(flat[:12], np.zeros(max(0, 5 - len(flat)))), "camera_matrix")
 
 
 def _reported(values: Floats | Sequence[float]) -> str:

@@ -47,10 +47,11 @@ def _of_file(table: CameraTable, folder: Path, dim: int) -> Camera:
     lens = read_lens_file(path)
     if lens is not None:
         return _placed(table, lens, dim)
+    camera = read_camera_toml(path)
     if table.rotation is not None:
         raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's pose, found one")
     with placed(path, ValueError):
-        return _in(dim, read_camera_toml(path))
+        return _in(dim, camera)
 
 
 def _of_keys(table: CameraTable, dim: int) -> Camera:

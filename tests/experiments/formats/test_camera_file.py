@@ -203,7 +203,12 @@ image_height: 480\n |  | image_height: expected a whole number of 1 or more, fou
 image_width: 640 | image_width: 640.5 | image_width: expected a whole number of 1 or more, found 640.5
 image_width: 640 | image_width: 99999999999999999999 | image_width: expected a whole number of 1 or more, found 9.2
 [535.5, | [x, | camera_matrix.data: expected rows times cols numbers in brackets, found "x"
-[535.5, | [-535.5, | camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0
+[535.5, | [-535.5, | camera_matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found [[-535.5, 0.0, 342.25], [0
+0. ,   1.  ] | 0. ,   2.  ] | camera_matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found [[535.5,
+0. ,   1.  ] | 0.5,   1.  ] | camera_matrix: expected [[fx, 0, cx]
+   0. , 536. |    3. , 536. | camera_matrix: expected [[fx, 0, cx]
+   0. , 342.25 |    3. , 342.25 | camera_matrix: expected [[fx, 0, cx]
+  rows: 3\n  cols: 3\n |   rows: 1\n  cols: 9\n | camera_matrix: expected [[fx, 0, cx]
 camera_matrix: | matrix: | camera_matrix: expected rows, cols and data, found none
 image_width: 640 | what is this | line 2: expected YAML of OpenCV or ROS, found Only
 """

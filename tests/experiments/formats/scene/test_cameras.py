@@ -128,12 +128,18 @@ uncertainty = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
         (f"{FRONT}\n{POSED.splitlines()[0]}", "camera[0]: translation_mm: expected this key beside file, found"),
         (f'file = "camera.toml"\n{POSED}', "camera[0].rotation: expected no such key beside camera.toml, which has"),
         (f"{FRONT}\nmatrix = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]", "camera[0]: expected one of plane_to_px, matrix"),
+        (f'file = "empty.yml"\n{POSED}', "empty.yml: expected a camera of OpenCV or ROS, found an empty file"),
+        (f'file = "other.yaml"\n{POSED}', "other.yaml: expected a camera of OpenCV or ROS, found neither"),
+        (f'file = "other.toml"\n{POSED}', "other.toml: name: expected this key, found none"),
         ('file = "behind.toml"', "behind.toml: translation_mm: expected a pose before the plane z = 0, found [20"),
         ('file = "none.yaml"', "none.yaml: expected a file, found none"),
     ],
 )
 def test_faults_of_a_lens_file_are_reported(tmp_path: Path, camera: str, message: str) -> None:
     (tmp_path / "front.yaml").write_text(LENSES["ros"](LENS), encoding="utf-8")
+    (tmp_path / "empty.yml").touch()
+    (tmp_path / "other.yaml").write_text("K: [1, 2]\n", encoding="utf-8")
+    (tmp_path / "other.toml").write_text("version = 1\n", encoding="utf-8")
     (tmp_path / "camera.toml").write_text(CALIBRATED, encoding="utf-8")
     (tmp_path / "behind.toml").write_text(CALIBRATED.replace("1800", "-1800"), encoding="utf-8")
     assert message in complaint(read_scene, scene_with(tmp_path, f"[[camera]]\n{camera}\n"))
