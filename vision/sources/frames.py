@@ -114,6 +114,11 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
+def size_text(image: Image) -> str:
+    """Width and height of a picture for a message, such as 640x480."""
+    return f"{image.shape[1]}x{image.shape[0]}"
+
+
 class VideoFileFrames(Closing):
     """Frames of a film, as fast as they are requested.
 
@@ -162,7 +167,8 @@ class VideoFileFrames(Closing):
 class FolderFrames(Closing):
     """Pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
-    Raises SourceError if the numbers of pictures and exposure times differ, or if a picture is missing or unreadable.
+    Raises SourceError if the numbers of pictures and exposure times differ, or if a picture is missing, unreadable or
+    of another size than the first.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -175,11 +181,16 @@ class FolderFrames(Closing):
             raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {n_frames}")
 
     def __iter__(self) -> Iterator[Frame]:
+        size = ""
         for index, exposure in enumerate(self._exposures):
             path = self.folder / f"{index:06d}.png"
             if not path.is_file():
                 raise SourceError(f"{path}: expected frame {index}, found no such file")
-            yield Frame(index, exposure, read_picture(path))
+            image = read_picture(path)
+            size = size or size_text(image)
+            if size_text(image) != size:
+                raise SourceError(f"{path}: expected {size}, found {size_text(image)}")
+            yield Frame(index, exposure, image)
 
     def close(self) -> None:
         """Nothing to release."""

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.frames import FilePath, SourceError, VideoFileFrames, count_frames, read_picture
+from vision.sources.frames import FilePath, SourceError, VideoFileFrames, count_frames, read_picture, size_text
 from vision.sources.picture_folder import natural_order, pictures_in
 from vision.sources.settings import DEFAULTS, SourceSettings
 
@@ -36,7 +36,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
         if first is None:
             first = (name, image)
         if image.shape != first[1].shape:
-            raise SourceError(f"{path}: expected {_size(first[1])} as {first[0]} has, found {_size(image)}")
+            raise SourceError(f"{path}: expected {size_text(first[1])} as {first[0]} has, found {size_text(image)}")
         yield name, image
 
 
@@ -84,7 +84,3 @@ def _files(paths: Sequence[Path]) -> list[Path]:
         if one.name == other.name:
             raise SourceError(f"{other}: expected a unique name, found that of {one}")
     return files
-
-
-def _size(image: Image) -> str:
-    return f"{image.shape[1]}x{image.shape[0]}"

@@ -68,6 +68,10 @@ def test_a_folder_with_gaps_or_other_counts_is_reported(folder: Path) -> None:
     (folder / "000007.png").unlink()
     with pytest.raises(SourceError, match=r"000002.png: expected a picture, found a file that cannot be read as one"):
         list(FolderFrames(folder, [0.0] * N))
+    cv2.imwrite(str(folder / "000002.png"), numbered(2)[::2, ::2])
+    height, width = numbered(2).shape[:2]
+    with pytest.raises(SourceError, match=f"000002.png: expected {width}x{height}, found {width // 2}x{height // 2}"):
+        list(FolderFrames(folder, [0.0] * N))
     with pytest.raises(SourceError, match="expected a folder of frames, found none"):
         FolderFrames(folder / "none", [])
 
