@@ -20,6 +20,9 @@ from estimators.pose.rigid import GENERATORS, RigidMotion
 LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: above it, linearisation is inaccurate."""
 
+LEAST_M = 1e-9
+"""Size of measured points below which they count as one place or line [m]; choice: the resolution of files."""
+
 ITERATIONS, CONVERGED = 100, 1e-12
 """Largest number of Newton steps, and value of `step' A step / (1 + chi_square)` below which they end [1]; numerical.
 The vector `step` is a change of the motion, and A is the information matrix of the motion."""
@@ -106,7 +109,8 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     ------
     RegistrationError
         If there are fewer than two points in the plane, or fewer than three points in space, or if the standard
-        deviation of the rotation exceeds `LARGEST_RAD`, for example because the points are close to a line.
+        deviation of the rotation exceeds `LARGEST_RAD`, for example because the points are close to a line, or if the
+        measured points lie at one place, or in space on one line.
 
     References
     ----------
@@ -116,6 +120,9 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     least = f"{dim} or more points far from {'each other' if dim == 2 else 'one line'}"
     if n_points < dim:
         raise RegistrationError(f"expected {least}, found {n_points}")
+    if np.linalg.matrix_rank(measured - measured.mean(axis=0), tol=LEAST_M) < dim - 1:
+        where = "at one place" if dim == 2 else "on one line"
+        raise RegistrationError(f"expected {least}, found {n_points} measured {where}")
     whitening = np.linalg.inv(np.linalg.cholesky(covs))
     motion = _kabsch(drawn, measured, 1.0 / np.trace(covs, axis1=1, axis2=2))
     for _ in range(ITERATIONS):

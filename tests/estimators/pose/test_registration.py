@@ -135,7 +135,7 @@ def test_few_points_leave_none_out() -> None:
         (np.zeros((1, 2)), "2 or more points far from each other, found 1$"),
         (np.array([[0.0, 0.0], [2e-3, 0.0]]), "found 2 that leave the turn uncertain by 0.71 rad"),
         (np.eye(3)[:2], "3 or more points far from one line, found 2$"),
-        (np.outer(np.arange(4.0), [0.1, 0.2, 0.3]), "found 4 that leave the turn uncertain by "),
+        (np.outer(np.arange(4.0), [0.1, 0.2, 0.3]), "found 4 measured on one line"),
         (
             np.array([[0.0, 0.0, 0.0], [0.1, 1e-3, 0.0], [0.2, 0.0, 0.0]]),
             "found 3 that leave the turn uncertain by 1.2 rad",
@@ -146,6 +146,17 @@ def test_points_that_do_not_determine_the_motion_are_refused(drawn: np.ndarray, 
     covs = np.tile(1e-6 * np.eye(drawn.shape[1]), (len(drawn), 1, 1))
     with pytest.raises(RegistrationError, match=f"expected .*{found}"):
         register_points(drawn, drawn, covs)
+
+
+@pytest.mark.parametrize(
+    ("dim", "spread", "found"),
+    [(2, 0.0, "7 measured at one place"), (3, 0.0, "7 measured on"), (3, 1.0, "on one line")],
+)
+def test_points_measured_at_one_place_are_refused(dim: int, spread: float, found: str) -> None:
+    drawn, covs, _ = body(dim)
+    measured = np.full((N_POINTS, dim), 0.1) + spread * drawn[:, :1]
+    with pytest.raises(RegistrationError, match=f"expected {dim} or more points far from .*, found .*{found}"):
+        register_points(drawn, measured, covs)
 
 
 def test_a_weighted_mean_is_that_of_least_squares() -> None:
