@@ -172,7 +172,7 @@ def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
     if flat[12:].any():
         raise InputError.at(f"{path}: distortion_coefficients", "a sensor that is not tilted", _reported(flat[12:]))
     with placed(path, ValueError):
-        return checked_lens(matrix.tolist(), np.append(flat[:12], np.zeros(max(0, 5 - len(flat)))), "camera_matrix")
+        return checked_lens(matrix.tolist(), [*flat[:12].tolist(), *[0.0] * (5 - len(flat))], "camera_matrix")
 
 
 def _reported(values: Floats | Sequence[float]) -> str:
