@@ -78,9 +78,12 @@ def read_source(path: Path) -> Source:
     except OSError as error:
         raise InputError.refused(path, "a file that can be read", error) from error
     except Exception as error:  # the parser may raise any exception
-        fault = shown(str(error) or type(error).__name__)[1:-1]
+        torn = "neither text nor a whole binary file; it may be truncated"
+        fault = torn if isinstance(error, UnicodeDecodeError) else shown(str(error) or type(error).__name__)[1:-1]
         raise InputError.at(path, f"a mesh of {READERS[path.suffix.lower()].upper()}", fault) from None
     points = np.asarray(mesh.points, dtype=float)
+    if not len(points):
+        raise InputError.at(path, "tetrahedra or triangles", "none; the file may be empty or truncated")
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError.at(path, "points in space", f"numbers of shape {points.shape}")
     for block in mesh.cells:

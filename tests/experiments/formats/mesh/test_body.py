@@ -153,6 +153,9 @@ POLYDATA = "# vtk DataFile Version 5.1\nx\nASCII\nDATASET POLYDATA\n"
         ("body.vtk", POLYDATA, "expected an unstructured grid; a surface"),
         ("body.vtu", "<VTKFile", "expected a mesh of VTU, found "),
         ("body.msh", "", "expected a mesh of GMSH, found "),
+        ("body.stl", "", "expected tetrahedra or triangles, found none; the file may be empty or truncated"),
+        ("body.stl", "solid x\nendsolid x\n", "expected tetrahedra or triangles, found none; the file may be empty"),
+        ("body.obj", "", "expected tetrahedra or triangles, found none; the file may be empty or truncated"),
         ("body.obj", "v 0 0 0\n", "expected tetrahedra, or triangles of a closed surface, found none"),
     ],
 )
@@ -161,6 +164,14 @@ def test_files_that_are_no_mesh_are_one_line(tmp_path: Path, name: str, content:
         (tmp_path / name).write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=rf"^{tmp_path / name}: {expected}[^\n]*$"):
         read_body(tmp_path / name, "mm")
+
+
+def test_a_truncated_binary_stl_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "ball.stl"
+    meshio.stl.write(path, meshio.Mesh(BALL, [("triangle", SHELL)]), binary=True)
+    path.write_bytes(path.read_bytes()[:1000])
+    said = f"{path}: expected a mesh of STL, found neither text nor a whole binary file; it may be truncated"
+    assert complaint(read_body, path, "mm") == said
 
 
 @pytest.mark.parametrize("ending", [".stl", ".vtu"])
