@@ -28,6 +28,7 @@ from experiments.formats.marks.rows import (
     AXES,
     MarkRow,
     are_definite,
+    check_limits,
     cov_columns,
     cov_entries_mm2,
     cov_names,
@@ -244,7 +245,6 @@ def _spread_columns(path: Path, dim: int) -> list[str]:
 def _mark_rows(table: Table, scene: Scene, spread: list[str]) -> list[MarkRow]:
     nodes, positions = table.texts["node"], _positions(table, scene)
     if spread == ["sd_mm"]:
-        table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
         sds = (1e-3 * table.numbers["sd_mm"]).tolist()
         return [MarkRow(*row) for row in zip(nodes, positions, sds, strict=True)]
     entries = np.stack([table.numbers[column] for column in spread], axis=1)
@@ -272,7 +272,6 @@ def _read_truth(path: Path, scene: Scene, exposures_s: Floats) -> Truth:
 
 def _read_fixes(path: Path, scene: Scene, exposures_s: Floats) -> tuple[Fix, ...]:
     table = _read_places(path, scene, ["time_s", "sd_mm"], [])
-    table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
     table.check_order("time_s", strictly=False)
     check_within(table, "time_s", exposures_s)
     times_s, sds = table.numbers["time_s"].tolist(), (1e-3 * table.numbers["sd_mm"]).tolist()
@@ -283,7 +282,7 @@ def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str])
     rejected = {"camera": ONE_CAMERA}
     if scene.network.dim == 2:
         rejected["z_mm"] = "expected no such column for a flat scene, found it"
-    return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected)
+    return check_limits(read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected))
 
 
 def _indices(table: Table, names: Sequence[str]) -> NDArray[np.int64]:

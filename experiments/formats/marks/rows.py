@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from experiments.arrays import Floats
+from experiments.formats.tables import Table
 
 AXES = ("x_mm", "y_mm", "z_mm")
+
+FARTHEST_MM, FINEST_MM = 1e6, 1e-6
+"""Largest coordinate and least standard deviation of a mark [mm]: a kilometre and a nanometre."""
 
 LEAST_SHARE = 1e-9
 """Least ratio of the smallest to the largest variance of a definite covariance [1]; numerical: rounding in files."""
@@ -69,9 +73,25 @@ def cov_entries_mm2(cov: Floats) -> list[float]:
 
 
 def are_definite(covs: Floats) -> NDArray[np.bool_]:
-    """Whether each covariance is positive definite, with a tolerance for rounding in files, (n,)."""
+    """Whether each covariance [m²] is positive definite, with a tolerance for rounding in files, (n,).
+
+    Variances below the square of FINEST_MM count as 0.
+    """
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)
-    found: NDArray[np.bool_] = (variances[:, -1] > 0.0) & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
+    large = covs.diagonal(0, 1, 2).min(axis=1) >= (1e-3 * FINEST_MM) ** 2
+    found: NDArray[np.bool_] = large & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
     return found
+
+
+def check_limits(table: Table) -> Table:
+    """The table; raises InputError for a coordinate, standard deviation or covariance beyond the limits of a mark."""
+    for column, values in table.numbers.items():
+        if column in AXES:
+            table.check(column, np.abs(values) <= FARTHEST_MM, "-1e6 to 1e6")
+        elif column == "sd_mm":
+            table.check(column, (values >= FINEST_MM) & (values <= FARTHEST_MM), "1e-6 to 1e6")
+        elif column.startswith("cov_"):
+            table.check(column, np.abs(values) <= FARTHEST_MM**2, "-1e12 to 1e12")
+    return table

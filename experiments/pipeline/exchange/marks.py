@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 from experiments.errors import InputError, placed, shown
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
-from experiments.formats.marks.rows import MarkRow
+from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM, MarkRow
 from experiments.formats.recording import read_frames, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from vision import PlaneCamera, fronto_parallel_camera
@@ -153,4 +153,9 @@ def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd
     with placed(poses.path, ValueError):
         places_m = camera.to_plane(places_px)
         covs = camera.cov_to_plane(places_px, np.tile(var_px2 * np.eye(2), (len(places_px), 1, 1)))
-    return places_m, np.linalg.det(covs) ** 0.25
+    sds_m = np.linalg.det(covs) ** 0.25
+    if not (np.abs(1e3 * places_m) <= FARTHEST_MM).all():
+        raise InputError.at(poses.path, "places from -1e6 to 1e6 mm", "one beyond")
+    if not ((1e3 * sds_m >= FINEST_MM) & (1e3 * sds_m <= FARTHEST_MM)).all():
+        raise InputError.at(poses.path, "standard deviations from 1e-6 to 1e6 mm", "one beyond")
+    return places_m, sds_m

@@ -195,6 +195,8 @@ DEFINITE = "row 2: cov_mm2: expected a positive definite covariance (xx, xy, yy)
 COV_FAULTS = [
     ("cov_xx_mm2,cov_xy_mm2", "1,0", "row 1: expected one column cov_yy_mm2, found none"),
     ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2,sd_mm", "1,0,1,1", "row 1: expected only columns time_s, cov_xx_mm2"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,0,1e300", "row 2: cov_yy_mm2: expected -1e12 to 1e12, found 1e+300"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1e-300,0,1e-300", DEFINITE),
     ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,nan,1", 'row 2: cov_xy_mm2: expected a finite number, found "nan"'),
     *(("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", entries, DEFINITE) for entries in ("1,2,1", "1,1,1", "-1,0,1", "0,0,0")),
 ]

@@ -46,12 +46,16 @@ truth.csv | 0.1,M1 | 0.0,M1 | row 4: time_s: expected more than 0 (row 2), found
 truth.csv | 3,4 | 3,NaN | row 3: y_mm: expected a finite number, found "NaN"
 truth.csv | y_mm | y_mm,z_mm | z_mm: expected no such column for a flat scene, found it
 truth.csv | ,y_mm |  | row 1: expected one column y_mm, found none in "time_s,node,x_mm"
-marks.csv | 4,0.5 | 4,0 | row 3: sd_mm: expected more than 0, found 0
+marks.csv | 4,0.5 | 4,0 | row 3: sd_mm: expected 1e-6 to 1e6, found 0
+marks.csv | 4,0.5 | 4,1e-200 | row 3: sd_mm: expected 1e-6 to 1e6, found 1e-200
+marks.csv | 4,0.5 | 4,1e200 | row 3: sd_mm: expected 1e-6 to 1e6, found 1e+200
+marks.csv | 3,4 | 1e300,4 | row 3: x_mm: expected -1e6 to 1e6, found 1e+300
 marks.csv | 3,4 | nan,4 | row 3: x_mm: expected a finite number, found "nan"
 marks.csv | sd_mm | sd_mm,camera | camera: one camera is supported
 marks.csv | 0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected a row for each mark, found none, and no
     frames.csv
-fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected more than 0, found 0
+fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected 1e-6 to 1e6, found 0
+fixes.csv | 1,2,0.5 | 1,1e300,0.5 | row 2: y_mm: expected -1e6 to 1e6, found 1e+300
 fixes.csv | 0.1 | -1 | row 3: time_s: expected 0 (the row before) or more, found -1
 """
 

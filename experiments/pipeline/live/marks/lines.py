@@ -10,15 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from experiments.errors import InputError, shown
-from experiments.formats.marks.rows import MarkRow, are_definite, cov_names, cov_of
+from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM, MarkRow, are_definite, cov_names, cov_of
 from experiments.formats.scene.scene import Scene
 from experiments.formats.toml_file import Strict, check_axes, validated
 
 LONGEST_LINE = 65_536
 """Largest number of bytes in a line, as many as a datagram may have."""
-
-FARTHEST_MM, FINEST_MM = 1e6, 1e-6
-"""Largest coordinate and least standard deviation in a line [mm]: a kilometre and a nanometre."""
 
 Coordinate = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
 Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
@@ -90,7 +87,7 @@ def _row(place: str, mark: SentMark, scene: Scene) -> MarkRow:
     if len(mark.cov_mm2) != len(names):
         raise InputError.at(f"{place}.cov_mm2", f"{', '.join(names)} in a list", shown(mark.cov_mm2))
     covs = cov_of([mark.cov_mm2], dim)
-    if not are_definite(covs)[0] or covs[0].diagonal().min() < (1e-3 * FINEST_MM) ** 2:
+    if not are_definite(covs)[0]:
         raise InputError.at(f"{place}.cov_mm2", "a positive definite covariance", shown(mark.cov_mm2))
     return MarkRow.of_cov(mark.node, position_m, covs[0])
 

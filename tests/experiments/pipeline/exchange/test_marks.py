@@ -135,6 +135,20 @@ def test_marks_beyond_the_horizon_are_refused() -> None:
         import_table(Path("sleap.csv"), Path("scene.toml"), 10.0)
 
 
+@pytest.mark.parametrize(
+    ("mm_per_px", "sd_px", "message"),
+    [
+        (1e7, 1.0, "sleap.csv: expected places from -1e6 to 1e6 mm, found one beyond"),
+        (0.5, 1e-9, "sleap.csv: expected standard deviations from 1e-6 to 1e6 mm, found one beyond"),
+        (0.5, 1e9, "sleap.csv: expected standard deviations from 1e-6 to 1e6 mm, found one beyond"),
+    ],
+)
+def test_marks_beyond_all_sense_are_refused(mm_per_px: float, sd_px: float, message: str) -> None:
+    scale, settings = plane_scale(mm_per_px, (0.0, 0.0)), ImportSettings(sd_px=sd_px)
+    with pytest.raises(InputError, match=message):
+        import_table(Path("sleap.csv"), Path("scene.toml"), 10.0, scale=scale, settings=settings)
+
+
 def test_a_body_in_space_has_no_depth_in_a_picture() -> None:
     scene = Path(__file__).parents[2] / "hanging.toml"
     with pytest.raises(InputError, match=r"expected a flat scene: one picture has no depth, found a network in space"):
