@@ -13,9 +13,13 @@ from dynamics import MassSpringNetwork
 from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, NeedlePush, PlannedNeedle
 from estimators.process.target import TargetPoint
 from experiments.errors import InputError, shown
-from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, check_axes, in_metres, read_toml
+from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM
+from experiments.formats.toml_file import NotNegative, Positive, Strict, check_axes, in_metres, read_toml
 
 Part = Annotated[float, Field(ge=0, le=1)]
+Length = Annotated[float, Field(ge=0, le=FARTHEST_MM)]
+Size = Annotated[float, Field(ge=FINEST_MM, le=FARTHEST_MM)]
+Place = Annotated[list[Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]], Field(min_length=2, max_length=3)]
 USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
@@ -61,8 +65,8 @@ def force_reach_m(network: MassSpringNetwork) -> float:
 class LesionTable(Strict):
     """`[lesion]`: a ball, given by its radius, or an ellipsoid, given by its semi-axes as vectors."""
 
-    radius_mm: Positive | None = None
-    semi_axes_mm: Annotated[list[Coordinates], Field(min_length=2, max_length=3)] | None = None
+    radius_mm: Size | None = None
+    semi_axes_mm: Annotated[list[Place], Field(min_length=2, max_length=3)] | None = None
 
     @model_validator(mode="after")
     def _one_form(self) -> LesionTable:
@@ -91,15 +95,15 @@ class NeedleFile(Strict):
     """The content of `needle.toml`, version 1."""
 
     version: int
-    entry_mm: Coordinates
-    direction: Coordinates
-    speed_mm_s: Positive
-    depth_mm: NotNegative = 0.0
+    entry_mm: Place
+    direction: Place
+    speed_mm_s: Annotated[float, Field(ge=0.01, le=FARTHEST_MM)]
+    depth_mm: Length = 0.0
     hit: Literal["TIP", "NOTCH", "CORE"] = USUAL.hit.value
-    notch_offset_mm: NotNegative = 1e3 * USUAL.notch_offset_m
-    notch_length_mm: Positive = 1e3 * USUAL.notch_length_m
-    core_mm: Positive = 1e3 * USUAL.core_m
-    tip_sd_mm: NotNegative = 1e3 * USUAL.tip_sd_m
+    notch_offset_mm: Length = 1e3 * USUAL.notch_offset_m
+    notch_length_mm: Size = 1e3 * USUAL.notch_length_m
+    core_mm: Size = 1e3 * USUAL.core_m
+    tip_sd_mm: Length = 1e3 * USUAL.tip_sd_m
     bending_sd_mm_per_mm: NotNegative = USUAL.bending_sd
     lesion: LesionTable | None = None
     forces: NeedleForces = FORCES
@@ -111,7 +115,7 @@ class NeedleFile(Strict):
             raise ValueError(
                 f"core_mm: expected no more than notch_length_mm ({self.notch_length_mm:g}), found {self.core_mm:g}"
             )
-        if not any(self.direction):
+        if np.linalg.norm(self.direction) < FINEST_MM:
             raise ValueError(f"direction: expected a non-zero vector, found {shown(self.direction)}")
         return self
 

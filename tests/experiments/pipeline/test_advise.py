@@ -134,7 +134,12 @@ def test_a_needle_beside_the_target_is_advised_to_turn(recording, path):
 
 
 BAD = {
-    "still": ("speed_mm_s = 200.0", "speed_mm_s = 0.0", ": speed_mm_s: expected more than 0, found 0.0"),
+    "still": ("speed_mm_s = 200.0", "speed_mm_s = 0.0", ": speed_mm_s: expected 0.01 or more, found 0.0"),
+    "slow": ("speed_mm_s = 200.0", "speed_mm_s = 1e-300", ": speed_mm_s: expected 0.01 or more, found 1e-300"),
+    "far": ("entry_mm = [0.0, 215.0]", "entry_mm = [0.0, 1e300]", ": entry_mm[1]: expected 1e+06 or less, found"),
+    "long": ("direction = [0.0, -1.0]", "direction = [0.0, -1e300]", ": direction[1]: expected -1e+06 or more, found"),
+    "short": ("direction = [0.0, -1.0]", "direction = [0.0, -1e-300]", ": direction: expected a non-zero vector,"),
+    "vague": ("tip_sd_mm = 0.4", "tip_sd_mm = 1e200", ": tip_sd_mm: expected 1e+06 or less, found 1e+200"),
     "space": ("entry_mm = [0.0, 215.0]", "entry_mm = [0.0, 1.0, 2.0]", ": entry_mm: expected 2 numbers, as the scene"),
     "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected a non-zero vector,"),
     "kind": ('hit = "CORE"', 'hit = "SIDE"', ": hit: expected 'TIP', 'NOTCH' or 'CORE', found \"SIDE\""),
