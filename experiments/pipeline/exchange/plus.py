@@ -8,7 +8,6 @@ from typing import BinaryIO
 import numpy as np
 
 from experiments.arrays import Floats
-from experiments.errors import InputError
 from experiments.formats.exchange.plus_file import WHOLE_READ_BYTES, transform_fields, write_plus
 from experiments.formats.exchange.results import Results
 from experiments.formats.recording import Recording
@@ -22,7 +21,7 @@ Advance = Callable[[float], None]
 
 
 def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> int:
-    """Write a PLUS sequence file; returns the number of usable target estimates. Raises InputError, SourceError."""
+    """Write a PLUS sequence file; returns the number of usable target estimates. Raises SourceError."""
     recording, estimates = of.recording, of.estimates
     n_frames = len(recording.exposures_s)
     if recording.source is None:
@@ -67,12 +66,8 @@ def _by_frame(rows: Results | None) -> dict[int, int]:
 
 
 def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -> Iterator[Image]:
-    """The pictures' pixels; InputError if their sizes differ."""
-    width, height = recording.scene.cameras[0].size_px
+    """The pictures' pixels."""
     for picture in pictures:
-        if picture.image.shape != (height, width, 3):
-            found = "x".join(str(n) for n in picture.image.shape[1::-1])
-            raise InputError.at(f"{recording.source}: frame {picture.index}", f"{width}x{height} px", f"{found} px")
         yield picture.image
         advance((picture.index + 1) / len(recording.exposures_s))
 

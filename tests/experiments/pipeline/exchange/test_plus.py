@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.pipeline.exchange import plus
 from experiments.pipeline.exchange.plus import export_plus, picture_off_mm, picture_to_plane
 from tests.experiments.commands.good_files import SIZE_PX
 from tests.experiments.pipeline.exchange.recordings import export_of, tilted, write_filmed
+from vision import SourceError
 
 MAX_LINE_LENGTH = 1000
 """Of IGSIO's reader; it would take the rest of a longer line for another field."""
@@ -118,5 +118,5 @@ def test_it_is_said_where_plus_cannot_read_so_many(files, monkeypatch, caplog):
 def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:
     images = write_filmed(tmp_path)
     cv2.imwrite(str(tmp_path / "filmed" / "frames" / "000002.png"), images[2][:, :60])
-    with pytest.raises(InputError, match=r"filmed/frames: frame 2: expected 64x48 px, found 60x48 px"):
+    with pytest.raises(SourceError, match=r"filmed/frames/000002.png: expected 64x48, found 60x48"):
         sequence(tmp_path, "filmed")
