@@ -8,10 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics.arrays import Floats
-from dynamics.mesh.tet_mesh import TetMesh
-
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-"""Corners of the face opposite each corner of an element, counter-clockwise seen from outside."""
+from dynamics.mesh.tet_mesh import FACES, TetMesh, face_keys
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +35,8 @@ class Surface:
 
 def surface(mesh: TetMesh) -> Surface:
     """Surface of a mesh: the faces that belong to only one element."""
-    n, faces = len(mesh.nodes), mesh.elements[:, FACES].reshape(-1, 3)
-    ordered = np.sort(faces, axis=1)
-    keys = (ordered[:, 0] * n + ordered[:, 1]) * n + ordered[:, 2]
-    _, first, count = np.unique(keys, return_index=True, return_counts=True)
-    faces = faces[np.sort(first[count == 1])]
+    _, first, count = np.unique(face_keys(mesh.elements, len(mesh.nodes)), return_index=True, return_counts=True)
+    faces = mesh.elements[:, FACES].reshape(-1, 3)[np.sort(first[count == 1])]
     a, b, c = (mesh.nodes[faces[:, k]] for k in range(3))
     across = np.cross(b - a, c - a) / 6.0
     nodes, place = np.unique(faces, return_inverse=True)

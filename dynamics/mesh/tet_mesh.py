@@ -20,6 +20,10 @@ FLATTEST = 1e-4
 """Least volume of an element, relative to its longest edge cubed [1]; numerical. A regular tetrahedron has 0.12."""
 
 
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+"""Corners of the face opposite each corner of an element, counter-clockwise seen from outside."""
+
+
 class MeshError(ValueError):
     """Error for a mesh that cannot be used; the message says what was expected and what was found."""
 
@@ -107,9 +111,7 @@ class TetMesh:
             raise MeshError(
                 f"nodes: expected each in an element, found {(~used).sum()} in none, the first node {used.argmin()}"
             )
-        ordered, n = np.sort(elements.astype(np.int64), axis=1), len(nodes)
-        faces = ordered[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
-        keys = (faces[:, 0] * n + faces[:, 1]) * n + faces[:, 2]
+        keys = face_keys(elements, len(nodes))
         order = np.argsort(keys)
         shared = keys[order[1:]] == keys[order[:-1]]
         more = np.flatnonzero(shared[1:] & shared[:-1])
@@ -124,3 +126,9 @@ class TetMesh:
         if parts > 1:
             sizes = np.sort(np.bincount(part))[::-1][:5].tolist()
             raise MeshError(f"elements: expected one body, connected by faces, found {parts} parts of {sizes} elements")
+
+
+def face_keys(elements: NDArray[np.int64], n_nodes: int) -> NDArray[np.int64]:
+    """Numbers of the faces of m elements, (4 m,), equal for faces of the same nodes. Element k has four from 4 k on."""
+    faces = np.sort(elements.astype(np.int64)[:, FACES].reshape(-1, 3), axis=1)
+    return np.asarray((faces[:, 0] * n_nodes + faces[:, 1]) * n_nodes + faces[:, 2])

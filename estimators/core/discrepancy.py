@@ -106,8 +106,8 @@ class LevelPosterior:
     likelihood of all marks would favour levels that are too small.
 
     State: log_weights, from which follow level, the estimated standard deviation of the discrepancy relative to the
-    body's extent [1], and noise, the estimated factor on the standard deviation of the marks' noise [1]; log_withheld,
-    the log likelihood of the last frame's marks, each predicted from other marks.
+    extent of the nodes [1], and noise, the estimated factor on the standard deviation of the marks' noise [1];
+    log_withheld, the log likelihood of the last frame's marks, each predicted from other marks.
     """
 
     def __init__(self, prior: Discrepancy) -> None:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, ParameterUncertainty, all_positions, rest_shape
 from estimators.arrays import Floats
@@ -141,13 +142,17 @@ class TissuePosterior:
     @property
     def by_calibration(self) -> Floats:
         """Displacement of the target per standard deviation of each calibration error [m], (dim, n_calibration)."""
-        own = self.process.parts.get("calibration", slice(0, 0))
-        return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
+        return self._with_target(self.process.parts.get("calibration", slice(0, 0)))
 
     @property
-    def by_considered(self) -> Floats:
-        """Displacement of the target per standard deviation of each considered error [m], (dim, n_considered)."""
-        return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, self.process.considered]
+    def considered_cov(self) -> Floats:
+        """Covariance of the target due to the considered errors [m²], (dim, dim)."""
+        columns = self._with_target(self.process.considered)
+        return columns @ columns.T
+
+    def _with_target(self, states: slice | NDArray[np.int64]) -> Floats:
+        """Covariance of the target's position with k states, (dim, k)."""
+        return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, states]
 
     @property
     def may_be_led(self) -> bool:

@@ -103,15 +103,13 @@ def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]
 
     These are the considered errors and that of `TargetPoint.offset_m`. `breathing_ahead` adds them to the prediction.
     """
-    lasting = tissue.by_considered
-    return mean - tissue.offset_mean, tissue.tissue_cov - lasting @ lasting.T
+    return mean - tissue.offset_mean, tissue.tissue_cov - tissue.considered_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
     """Means [m], (k, dim), and covariances [m²], (k, dim, dim), that the breathing model predicts for the target."""
     means, covs = breathing.predict(times_s)
-    lasting = tissue.by_considered
-    return means + tissue.offset_mean, covs + tissue.offset_cov + lasting @ lasting.T
+    return means + tissue.offset_mean, covs + tissue.offset_cov + tissue.considered_cov
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:

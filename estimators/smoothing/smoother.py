@@ -147,8 +147,9 @@ def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tup
     for one in steps:
         if moves is None:  # no later step depends on this one
             mean, cov = one.mean, one.cov
-        for move in reversed(moves or ()):
-            mean, cov = smoothed_before(mean, cov, move, considered)
+        else:
+            for move in reversed(moves):
+                mean, cov = smoothed_before(mean, cov, move, considered)
         moves = one.moves
         yield mean, cov
 

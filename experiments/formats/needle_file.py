@@ -13,13 +13,13 @@ from dynamics import MassSpringNetwork
 from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, NeedlePush, PlannedNeedle
 from estimators.process.target import TargetPoint
 from experiments.errors import InputError, shown
-from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM
+from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM, Coordinate
 from experiments.formats.toml_file import NotNegative, Positive, Strict, check_axes, in_metres, read_toml
 
 Part = Annotated[float, Field(ge=0, le=1)]
 Length = Annotated[float, Field(ge=0, le=FARTHEST_MM)]
 Size = Annotated[float, Field(ge=FINEST_MM, le=FARTHEST_MM)]
-Place = Annotated[list[Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]], Field(min_length=2, max_length=3)]
+Place = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
 USUAL, SETTINGS = Needle(), AdviceSettings()
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from experiments.arrays import Floats
 from experiments.formats.tables import Table
@@ -14,6 +16,8 @@ AXES = ("x_mm", "y_mm", "z_mm")
 
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
 """Largest coordinate and least standard deviation of a mark [mm]: a kilometre and a nanometre."""
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
 
 LEAST_SHARE = 1e-9
 """Least ratio of the smallest to the largest variance of a definite covariance [1]; numerical: rounding in files."""

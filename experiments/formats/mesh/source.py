@@ -61,17 +61,17 @@ class Source:
 def read_source(path: Path) -> Source:
     """Read a mesh file; raises InputError for an unreadable file, and for cells of a kind that `READ` does not list."""
     require(str(path), "mesh")
-    if path.suffix.lower() not in READERS:
+    name = READERS.get(path.suffix.lower())
+    if name is None:
         raise InputError.at(path, f"one of {', '.join(READERS)}", path.suffix or "no such ending")
     if not path.is_file():
         raise InputError.at(path, "a file", "a folder" if path.is_dir() else "none")
     try:
         with path.open("rb") as file:
-            is_poly = path.suffix.lower() == ".vtk" and b"DATASET POLYDATA" in file.read(HEADER)
+            is_poly = name == "vtk" and b"DATASET POLYDATA" in file.read(HEADER)
         if is_poly:
             raise InputError.at(path, "an unstructured grid; a surface as STL or PLY", "POLYDATA")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), np.errstate(all="ignore"):
-            name = READERS[path.suffix.lower()]
             mesh = _obj(path) if name == "obj" else import_module(f"meshio.{name}").read(str(path))
     except InputError:
         raise
@@ -80,7 +80,7 @@ def read_source(path: Path) -> Source:
     except Exception as error:  # the parser may raise any exception
         torn = "neither text nor a whole binary file; it may be truncated"
         fault = torn if isinstance(error, UnicodeDecodeError) else shown(str(error) or type(error).__name__)[1:-1]
-        raise InputError.at(path, f"a mesh of {READERS[path.suffix.lower()].upper()}", fault) from None
+        raise InputError.at(path, f"a mesh of {name.upper()}", fault) from None
     points = np.asarray(mesh.points, dtype=float)
     if not len(points):
         raise InputError.at(path, "tetrahedra or triangles", "none; the file may be empty or truncated")

@@ -10,14 +10,13 @@ import numpy as np
 from pydantic import Field
 
 from experiments.errors import InputError, shown
-from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM, MarkRow, are_definite, cov_names, cov_of
+from experiments.formats.marks.rows import FARTHEST_MM, FINEST_MM, Coordinate, MarkRow, are_definite, cov_names, cov_of
 from experiments.formats.scene.scene import Scene
 from experiments.formats.toml_file import Strict, check_axes, validated
 
 LONGEST_LINE = 65_536
 """Largest number of bytes in a line, as many as a datagram may have."""
 
-Coordinate = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
 Entry = Annotated[float, Field(ge=-(FARTHEST_MM**2), le=FARTHEST_MM**2)]
 
 
