@@ -234,8 +234,10 @@ def _continuum(
         found = f"{np.round(1e3 * named.places[still[0]], 3)} mm"
         raise MeshError(f"points: expected each where the mesh moves, found {found} where it is held")
     rows = _by_axis(weights)
-    V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved), left_out)
-    total = float(masses.sum())
+    at_points = np.asarray(rows @ moved)
+    V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, at_points, left_out)
+    total, shapes = float(masses.sum()), np.asarray(rows @ V)
+    by_field = V.T @ forces / total
     by_tissue = _by_tissue(strained, mesh.regions, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
     near = csr_array(patch_weights(mesh, outside, named)[:, free]).toarray()
@@ -248,11 +250,12 @@ def _continuum(
         mass=total,
         extent_m=extent_m,
         masses=np.full(len(rates), total),
-        shapes=np.asarray(rows @ V),
+        shapes=shapes,
         rates=rates,
         damping=by_damping.diagonal().copy(),
         by_tissue=by_tissue,
-        forces=V.T @ forces / total,
+        forces=by_field,
+        omitted=at_points - shapes @ (by_field / (rates + FREE**2)[:, None]),
         stiffness=0.5 * (stiffness + stiffness.T),
         dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),
     )

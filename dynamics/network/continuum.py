@@ -46,6 +46,8 @@ class Continuum:
     forces : (n_modes, any)
         Acceleration of each mode by each force field, divided by the field's force per mass of the body [1]. The first
         three fields are uniform forces along the axes, and the others are smooth surface forces.
+    omitted : (n_free dim, any)
+        Static displacement of the free nodes by each force field beyond the modes [s²], in the unit of `forces`.
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -59,6 +61,7 @@ class Continuum:
     damping: Floats
     by_tissue: Floats
     forces: Floats
+    omitted: Floats
     stiffness: Floats
     dashpots: Floats
 
@@ -70,6 +73,7 @@ class Continuum:
             "damping": (n_modes,),
             "by_tissue": (len(self.tissues), n_modes, n_modes),
             "forces": (n_modes, self.forces.shape[-1]),
+            "omitted": (n, self.forces.shape[-1]),
             "stiffness": (n, n),
             "dashpots": (n, n),
         }
@@ -90,7 +94,7 @@ class Continuum:
     def accelerated(self) -> Floats:
         """Static displacement of the free nodes per gravity acceleration along each axis [s²], (n_free dim, dim)."""
         held = self.rates > LOOSE * self.rates.max()
-        return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
+        return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]) + self.omitted[:, :3])
 
     @property
     def residual(self) -> Floats:
@@ -118,6 +122,7 @@ class Continuum:
             damping=np.einsum("ir,ij,jr->r", turn, np.diag(self.damping), turn),
             by_tissue=turn.T @ own @ turn,
             forces=turn.T @ self.forces,
+            omitted=self.omitted * (self.rates.sum() / rates.sum()),
             stiffness=0.5 * (stiffness + stiffness.T),
         )
 

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
-SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Slow forces on a continuum: strengths, relative to the strength of a poke [1], and correlation time [s]; choice."""
+SOLID, SOLID_S = (0.1, 1.0), 10.0
+"""Surface forces on a continuum: strengths relative to that of a poke [1], and correlation time [s]; choice."""
+
+BODY_M_S2, BODY_S = 3.0, 5.0
+"""Force on the whole of a continuum, such as a turn of gravity by 18 degrees: strength and correlation time; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +23,8 @@ class Disturbances:
 
     Short forces act on each marked node independently. A Markov chain gives the state of all short forces: calm, poked
     (a brief push) or led (a node is dragged for longer). Slow forces, such as breathing, push the whole body. A second
-    Markov chain gives their strength. A mode is a pair of a short and a slow state. A continuum has only slow forces.
+    Markov chain gives their strength. A mode is a pair of a short and a slow state. On a continuum, slow forces act on
+    the surface, and the short force, always in the state calm, acts on the whole body.
 
     Attributes
     ----------
@@ -32,8 +36,6 @@ class Disturbances:
         Density of the white acceleration noise of each free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times of short and slow forces [s]; choice.
-    smooth_s : float
-        Rise time constant of a slow force on a continuum [s]; choice.
     calm_s, poked_s, led_s : float
         Mean duration of the states calm, poked and led [s]; choice.
     led_each_s : float
@@ -59,7 +61,6 @@ class Disturbances:
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
-    smooth_s: float = 0.3
     calm_s: float = 8.0
     poked_s: float = 0.3
     led_each_s: float = 120.0
@@ -77,7 +78,8 @@ class Disturbances:
         """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
+        slow = replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
+        slow = replace(slow, calm_m_s2=BODY_M_S2, short_s=BODY_S)
         return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:

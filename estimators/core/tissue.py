@@ -152,6 +152,7 @@ class TissueProcess:
         """
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
+        rows[:, self.parts["force"]] = matrix @ self.motion.by_force
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 

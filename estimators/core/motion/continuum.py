@@ -1,8 +1,8 @@
-"""Motion of a continuum in closed form: damped vibration modes under surface forces that decay.
+"""Motion of a continuum in closed form: damped vibration modes under forces that decay.
 
 A vibration mode with angular frequency w and damping c follows `x'' + c x' + w² x = f`. Its responses to an impulse and
-to a force `exp(-a t)` are sums of exponentials, so a step of any length is exact. Each force is the difference of two
-states that decay at different rates and have the same noise. The force is therefore smooth in time.
+to a force `exp(-a t)` are sums of exponentials, so a step of any length is exact. Omitted modes respond statically:
+each force displaces the nodes by the residual flexibility of the modes [macneal1971].
 """
 
 from __future__ import annotations
@@ -21,11 +21,8 @@ Exponents = NDArray[np.complex128]
 APART = 1e-3
 """Smallest difference between two exponents in the response of a mode to a force [1/s]; numerical."""
 
-LEFT_OUT = 1e-4
-"""Largest share of the mean square displacement that omitted surface forces may cause [1]; numerical."""
-
-SIGNS = np.array([1.0, -1.0])
-"""A force is the sum of two states with these signs [1]. The first state decays slowly, the second quickly."""
+LEFT_OUT = 3e-5
+"""Largest share of the points' mean square displacement that omitted surface forces may cause [1]; numerical."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
@@ -71,7 +68,7 @@ class ContinuumMotion:
     network : MassSpringNetwork
         Network with a continuum.
     disturbances : Disturbances
-        Prior of the surface forces. Each strength is a force divided by the mass of the body.
+        Prior of the forces. Each strength is a force divided by the mass of the body.
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the tissues' stiffness.
     """
@@ -85,15 +82,16 @@ class ContinuumMotion:
         self.extent_m, self.span = solid.extent_m, ContinuumSpan.of(network)
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
         self.raised = disturbances.raised(self.extent_m * float(held.min()), least=0.0)
-        by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # static displacement
-        self._basis = _effective(solid.forces, by_force)
-        n_forces = self._basis.shape[1]
-        self.driving = np.full(2 * n_forces, SOURCES.index("slow"))
-        self._fading = 1.0 / np.array([disturbances.slow_s, disturbances.smooth_s])
-        self.fading_s = np.repeat(1.0 / self._fading, n_forces)
-        shared = 1.0 / (self._fading[:, None] + self._fading)
-        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # density of the noise that gives a force variance 1
-        self.force_cov = np.kron(self._density * shared, np.eye(n_forces))
+        static = solid.shapes @ (solid.forces / np.maximum(solid.rates, held.min())[:, None]) + solid.omitted
+        on_body, on_surface = np.split(np.eye(solid.forces.shape[1]), [network.dim], axis=1)
+        fields = np.hstack([on_body, on_surface @ _effective(static @ on_surface)])
+        self._basis, self.by_force = solid.forces @ fields, solid.omitted @ fields
+        sources = SOURCES.index("short"), SOURCES.index("slow")
+        n_forces = network.dim, fields.shape[1] - network.dim
+        self.driving = np.repeat(sources, n_forces)
+        self._fading_s = dict(zip(sources, (disturbances.short_s, disturbances.slow_s), strict=True))
+        self.fading_s = np.repeat(list(self._fading_s.values()), n_forces)
+        self.force_cov = np.eye(len(self.driving))
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
@@ -147,17 +145,19 @@ class ContinuumMotion:
         motion[n, n] = 1.0
         motion[x, x], motion[x, n + x] = by_v[:, 0] + damping * by_x[:, 0], by_x[:, 0]
         motion[n + x, x], motion[n + x, n + x] = -rates * by_x[:, 0], by_v[:, 0]
-        for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
-            *answers, exponents = self._pushed(rate)
-            grown = sign * np.exp(exponents * dt)
+        for source, fading_s in self._fading_s.items():
+            own, force = self._driven_by(source)
+            *answers, exponents = self._pushed(1.0 / fading_s)
+            grown = np.exp(exponents * dt)
             for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                motion[rows, force] = (factors * grown).sum(axis=0).real[:, None] * self._basis
+                motion[rows, force] = (factors * grown).sum(axis=0).real[:, None] * own
         return motion, np.exp(-dt / self.fading_s)
 
-    def _states(self, first: int) -> list[slice]:
-        """Indices of the slowly decaying and of the quickly decaying force states, which begin at the index `first`."""
-        k = self._basis.shape[1]
-        return [slice(first, first + k), slice(first + k, first + 2 * k)]
+    def _driven_by(self, source: int) -> tuple[Floats, slice]:
+        """Columns of `_basis` for the forces of a source, (n_modes, any), and the indices of these states."""
+        own = np.flatnonzero(self.driving == source)
+        first = 2 * (1 + self._roots.shape[1]) + int(own[0])
+        return self._basis[:, own], slice(first, first + len(own))
 
     def _noises(self, dt: float, n_state: int) -> Floats:
         """Noise covariance from each of the first four `SOURCES` at unit variance, (4, n_state, n_state)."""
@@ -172,15 +172,16 @@ class ContinuumMotion:
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
         t, weights = _ages(dt, float(np.abs(self._roots).min(axis=0).max()))
-        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # response to a noise impulse of each age
-        for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
-            *factors, rates = self._pushed(rate)
-            grown = sign * np.exp(rates[..., None] * t)
-            for each, rows in zip(factors, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                answers[rows] += (each[..., None] * grown).sum(axis=0).real[:, None] * self._basis[..., None]
-            answers[force] = np.eye(self._basis.shape[1])[..., None] * np.exp(-rate * t)
-        answers = (np.sqrt(self._density * weights) * answers).reshape(n_state, -1)
-        noises[SOURCES.index("slow")] = answers @ answers.T
+        for source, fading_s in self._fading_s.items():
+            own, force = self._driven_by(source)
+            answers = np.zeros((n_state, own.shape[1], len(t)))  # response to a noise impulse of each age
+            *each, rates = self._pushed(1.0 / fading_s)
+            grown = np.exp(rates[..., None] * t)
+            for factors, rows in zip(each, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+                answers[rows] = (factors[..., None] * grown).sum(axis=0).real[:, None] * own[..., None]
+            answers[force] = np.eye(own.shape[1])[..., None] * np.exp(-t / fading_s)
+            columns = (np.sqrt(2.0 / fading_s * weights) * answers).reshape(n_state, -1)
+            noises[source] = columns @ columns.T
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
@@ -201,14 +202,11 @@ class ContinuumMotion:
         return columns
 
 
-def _effective(push: Floats, by_force: Floats) -> Floats:
-    """Reduce the accelerations `push` (n_modes, any) to fewer columns that cause nearly the same displacements.
-
-    by_force: static displacement of each mode per unit acceleration [s²], (n_modes, 1)
-    """
-    _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
+def _effective(displacements: Floats) -> Floats:
+    """Fewer combinations (n_fields, any) of force fields that cause nearly all displacements (n_full, n_fields)."""
+    _, sizes, right = np.linalg.svd(displacements, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
-    return np.asarray(push @ right[kept].T)
+    return np.asarray(right[kept].T)
 
 
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:

@@ -67,6 +67,10 @@ class Motion(Protocol):
     def force_cov(self) -> Floats:
         """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
 
+    @property
+    def by_force(self) -> Floats:
+        """Displacement of the free nodes by each force beyond that of the coordinates, (n_full, n_f)."""
+
     def moved(self, state: Floats, dt: float) -> Floats:
         """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""
 

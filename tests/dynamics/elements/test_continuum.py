@@ -118,6 +118,15 @@ def test_a_smooth_pressure_moves_the_target_as_in_the_whole_model(mesh, network,
     assert solid.mass == pytest.approx(masses.sum() / 3.0)
 
 
+def test_a_change_of_gravity_moves_all_points_as_in_the_whole_model(mesh, fixed, whole):
+    """Also with few modes, because the omitted modes respond statically."""
+    _, K, masses, rows = whole
+    exact = rows @ spsolve(K, masses[:, None] * np.tile(np.eye(3), (len(masses) // 3, 1)))
+    few = continuum_network(mesh, (FAT, GLAND), fixed, POINTS, left_out=0.03).continuum
+    np.testing.assert_allclose(few.accelerated, exact, atol=1e-3 * np.abs(exact).max())
+    assert np.abs(few.omitted[:, :3]).max() > 1e-2 * np.abs(exact).max()
+
+
 def test_a_tissue_may_be_made_stiffer(mesh, fixed, network):
     """As the continuum of the mesh with that tissue; in the shapes of before, so to three hundredths."""
     gland = parameters(network)[1]
