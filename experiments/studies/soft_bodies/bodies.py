@@ -101,6 +101,12 @@ PRESS = 0.02
 TRUTH, GIVEN = (11, 8), (10, 7)
 """Numbers of cells across and in depth: TRUTH for the true breast, GIVEN for the filter's model of the breast."""
 
+SLAB_M, SLAB_CELLS = (0.1, 0.08, 0.05), ((11, 9, 6), (8, 6, 4))
+"""Size of a slab [m], and numbers of cells along its edges: for the true slab, and for the filter's model of it."""
+
+SLAB_LOAD = 0.3
+"""Forces on a slab, relative to those on a breast [1]: they move its skin by about 10 to 30 mm."""
+
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
 """Motion of a moving wall: shift in each breath [m], range of the rotation in each breath [rad], and size of a single
 lasting shift, which takes one second [m]."""
@@ -152,12 +158,39 @@ def soft_block(per_side: int, seed: int) -> Recording:
     return Recording(network, names[:-1], body.times_s, body.positions[:, shown])
 
 
+def slab(n_marks: int, seed: int) -> Recording:
+    """A breathing slab of fat on a wall, with pushes on its skin. Its n_marks marks are on the face opposite the wall."""
+    rng = np.random.default_rng([seed, 5])
+    mesh, given = (_slab_mesh(cells) for cells in SLAB_CELLS)
+    x, top = mesh.nodes, np.flatnonzero(mesh.nodes[:, 2] == SLAB_M[2])
+    target = int(np.linalg.norm(x - [0.0, 0.0, 0.5 * SLAB_M[2]], axis=1).argmin())
+    shown = np.r_[rng.choice(top, n_marks, replace=False), target]
+    wall, times_s = np.flatnonzero(x[:, 2] == 0.0), _times_s()
+    load = _loads(mesh, wall, rng)
+    places = motion(mesh, list(TISSUES[:1]), wall, times_s, lambda t: SLAB_LOAD * load(t))[:, shown]
+    names = (*(f"M{k}" for k in range(1, 1 + n_marks)), "target")
+    tissue = replace(TISSUES[0], young_pa=_given(rng, TISSUES[0].young_pa))
+    held = np.flatnonzero(given.nodes[:, 2] == 0.0)
+    network = continuum_network(given, (tissue,), held, dict(zip(names, x[shown], strict=True)))
+    return Recording(network, names[:-1], times_s, places)
+
+
+def _slab_mesh(cells: tuple[int, int, int]) -> TetMesh:
+    axes = [np.linspace(0.0, 1.0, 1 + count) for count in cells]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return TetMesh((nodes - [0.5, 0.5, 0.0]) * SLAB_M, grid_tetrahedra(cells))
+
+
+def _times_s() -> Floats:
+    return np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
+
+
 def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, moves: bool = False) -> Recording:
     """A breathing breast of neo-Hookean elements; pushes act on areas of its skin.
 
     wall: the wall in the filter's model; moves: whether the true wall moves
     """
-    times_s = np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
+    times_s = _times_s()
     points, places, moduli = _breast(seed, moves, tuple(times_s))
     given, held = breast_mesh(*GIVEN)
     tissues = tuple(replace(tissue, young_pa=young_pa) for tissue, young_pa in zip(TISSUES, moduli, strict=True))
@@ -254,6 +287,8 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "block, 125 nodes": lambda seed: soft_block(5, seed),
     "block, 343 nodes": lambda seed: soft_block(7, seed),
     "block, 1,000 nodes": lambda seed: soft_block(10, seed),
+    "slab, 6 marks": lambda seed: slab(6, seed),
+    "slab, 20 marks": lambda seed: slab(20, seed),
     "breast": breast,
     "breast, driven": lambda seed: breast(seed, "driven"),
     "moving breast, driven": lambda seed: breast(seed, "driven", moves=True),

@@ -55,6 +55,17 @@ def test_the_target_of_a_soft_block_is_found_and_covered(monkeypatch):
     assert found["covered"] > 0.85
 
 
+def test_the_target_of_a_slab_with_marks_on_one_face_is_covered(monkeypatch):
+    monkeypatch.setattr(bodies, "SECONDS", 2.0)
+    recording = bodies.slab(6, 20)
+    drawn = recording.positions[0]
+    assert (drawn[:-1, 2] == bodies.SLAB_M[2]).all()
+    assert drawn[-1, 2] < 0.6 * bodies.SLAB_M[2]
+    found = study.run({"body": "slab, 6 marks", "seed": 20})
+    assert found["moved_mm"] > 1.0
+    assert found["covered"] > 0.85
+
+
 def test_each_seed_has_its_own_truth_and_stiffness(monkeypatch):
     monkeypatch.setattr(bodies, "SECONDS", 0.5)
     one, other = (bodies.soft_block(3, seed) for seed in (1, 2))
