@@ -159,7 +159,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
 
 
 def slab(n_marks: int, seed: int) -> Recording:
-    """A breathing slab of fat on a wall, with pushes on its skin. Its n_marks marks are on the face opposite the wall."""
+    """A breathing slab of fat on a wall, with pushes on its skin. n_marks marks are on the face opposite the wall."""
     rng = np.random.default_rng([seed, 5])
     mesh, given = (_slab_mesh(cells) for cells in SLAB_CELLS)
     x, top = mesh.nodes, np.flatnonzero(mesh.nodes[:, 2] == SLAB_M[2])
