@@ -29,7 +29,8 @@ class Disturbances:
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
-        Standard deviation of a short force in the states calm, poked and led [m/s²]; choice.
+        Standard deviation of a short force in the states calm, poked and led [m/s²]; choice. On a continuum,
+        `calm_m_s2` is that of the force on the whole body.
     slow_m_s2 : tuple of float
         Standard deviation of a slow force in each of its states, in increasing order [m/s²]; choice.
     white : float
@@ -78,9 +79,8 @@ class Disturbances:
         """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        slow = replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
-        slow = replace(slow, calm_m_s2=BODY_M_S2, short_s=BODY_S)
-        return slow if solid else pokes
+        on_body = replace(pokes, calm_m_s2=BODY_M_S2, short_s=BODY_S, n_short=1)
+        return replace(on_body, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
         """Factor on the strengths of pokes, dragging and slow forces [1]. It is larger for a stiffer body.

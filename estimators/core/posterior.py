@@ -128,9 +128,7 @@ class TissuePosterior:
     @property
     def positions(self) -> Floats:
         """Mean positions of all nodes [m], (n_nodes, dim), without the discrepancy."""
-        parts, mean = self.process.parts, self.filter.mean
-        by_force = self.process.motion.by_force @ mean[parts["force"]]
-        places = self.process.at(mean[parts["position"]]) + by_force + self.residual_m
+        places = self.process.positions(self.filter.mean) + self.residual_m
         return all_positions(self.network, places.reshape(-1, self.network.dim))
 
     @property

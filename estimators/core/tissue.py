@@ -35,8 +35,9 @@ class TissueProcess:
     """Process model of a network under unknown forces.
 
     The state contains positions, velocities, forces, the discrepancy and constant errors (see `Statics`). Short forces
-    are accelerations of marked nodes. Slow forces are coefficients of a smooth acceleration field. The discrepancy is
-    the displacement that the motion leaves out. The discrepancy's states are coefficients of basis functions [1].
+    are accelerations of marked nodes. Slow forces are coefficients of a smooth acceleration field. For a continuum, see
+    `Disturbances`. The discrepancy is the displacement that the motion leaves out. The discrepancy's states are
+    coefficients of basis functions [1].
 
     Parameters
     ----------
@@ -126,8 +127,8 @@ class TissueProcess:
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Write the prior covariance of forces and discrepancy into `cov`, (n, n), for given source variances."""
-        strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
-        cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
+        force = self.parts["force"]
+        cov[force, force] = np.diag(variances[self.motion.driving])
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
         cov[displaced, displaced] = variances[SOURCES.index("discrepancy")]
 
@@ -136,8 +137,15 @@ class TissueProcess:
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n). Also maps velocities."""
+        """Positions of the free nodes without `Motion.by_force` [m], (..., n_free dim), from coordinates (..., n).
+
+        Also maps velocities.
+        """
         return np.asarray(coordinates @ self.span.matrix.T)
+
+    def positions(self, state: Floats) -> Floats:
+        """Positions of the free nodes without the discrepancy [m], (n_free dim,), from a state (n,)."""
+        return self.at(state[self.parts["position"]]) + self.motion.by_force @ state[self.parts["force"]]
 
     def node(self, name: str) -> Floats:
         """Matrix (dim, n) that maps the state to the position of a free node [m]."""

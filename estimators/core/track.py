@@ -88,7 +88,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False, marks: Sequence[MarkMeasurement] = ()) -> None:
-        """Restart in the last or, if `as_drawn`, in the drawn shape. Unless DIVERGED, keep the estimate of the offset.
+        """Restart with the last or, if `as_drawn`, the drawn coordinates. Unless DIVERGED, keep the offset's estimate.
 
         marks: marks to which a body without anchors is registered when it restarts at `network.positions`
         """
@@ -159,8 +159,9 @@ class TissueFilter(TissuePosterior):
             kick = None
             if known is not None:
                 known.step(dt / n)
-                mean, moving = self.filter.mean, self.process.parts["velocity"].stop
-                forces = known.forces(self.process.at(mean[:moving].reshape(2, -1)).reshape(1, -1)).ravel()
+                mean, velocity = self.filter.mean, self.process.parts["velocity"]
+                state = np.r_[self.process.positions(mean), self.process.at(mean[velocity])]
+                forces = known.forces(state[None]).ravel()
                 kick = self.process.pushed(mean, dt / n, forces[:, None])[:, 0]
                 if self.flexibility is not None:
                     self.residual_m = self.flexibility @ forces

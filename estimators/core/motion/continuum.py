@@ -81,7 +81,8 @@ class ContinuumMotion:
         self.is_linear = True
         self.extent_m, self.span = solid.extent_m, ContinuumSpan.of(network)
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
-        self.raised = disturbances.raised(self.extent_m * float(held.min()), least=0.0)
+        usual = Disturbances(bent=disturbances.bent)
+        self.raised = usual.raised(self.extent_m * float(held.min()), least=0.0)
         static = solid.shapes @ (solid.forces / np.maximum(solid.rates, held.min())[:, None]) + solid.omitted
         on_body, on_surface = np.split(np.eye(solid.forces.shape[1]), [network.dim], axis=1)
         fields = np.hstack([on_body, on_surface @ _effective(static @ on_surface)])
@@ -91,7 +92,6 @@ class ContinuumMotion:
         self.driving = np.repeat(sources, n_forces)
         self._fading_s = dict(zip(sources, (disturbances.short_s, disturbances.slow_s), strict=True))
         self.fading_s = np.repeat(list(self._fading_s.values()), n_forces)
-        self.force_cov = np.eye(len(self.driving))
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
@@ -175,8 +175,8 @@ class ContinuumMotion:
         for source, fading_s in self._fading_s.items():
             own, force = self._driven_by(source)
             answers = np.zeros((n_state, own.shape[1], len(t)))  # response to a noise impulse of each age
-            *each, rates = self._pushed(1.0 / fading_s)
-            grown = np.exp(rates[..., None] * t)
+            *each, exponents = self._pushed(1.0 / fading_s)
+            grown = np.exp(exponents[..., None] * t)
             for factors, rows in zip(each, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
                 answers[rows] = (factors[..., None] * grown).sum(axis=0).real[:, None] * own[..., None]
             answers[force] = np.eye(own.shape[1])[..., None] * np.exp(-t / fading_s)

@@ -64,10 +64,6 @@ class Motion(Protocol):
         """Correlation time of each force [s], (n_f,)."""
 
     @property
-    def force_cov(self) -> Floats:
-        """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
-
-    @property
     def by_force(self) -> Floats:
         """Displacement of the free nodes by each force beyond that of the coordinates, (n_full, n_f)."""
 

@@ -233,7 +233,7 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
     usual = FilterSettings()
     strong = replace(usual, poked=replace(usual.poked, poke=2.0 * usual.poked.poke))
     each = [TissueFilter(network, "target", list(MARKS), settings).process for settings in (usual, strong)]
-    rows = np.sqrt([process.variances(0.0)[:, SOURCES.index("slow")] / process.motion.raised**2 for process in each])
+    rows = np.sqrt([process.variances(0.0)[:, SOURCES.index("slow")] for process in each]) / each[0].motion.raised
     np.testing.assert_allclose(rows, [[0.5, 5.0], [1.0, 10.0]])
     for process in each:
         np.testing.assert_allclose(process.variances(0.0)[:, SOURCES.index("short")], 3.0**2)
