@@ -14,7 +14,8 @@ SOLID, SOLID_S = (0.1, 1.0), 10.0
 """Surface forces on a continuum: strengths relative to that of a poke [1], and correlation time [s]; choice."""
 
 BODY_M_S2, BODY_S = 3.0, 5.0
-"""Force on the whole of a continuum, such as a turn of gravity by 18 degrees: strength and correlation time; choice."""
+"""Force on the whole of a continuum, such as a turn of gravity by 18 degrees: strength [m/s²] and correlation time [s];
+choice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from dynamics.elements import Span
@@ -84,8 +85,7 @@ class ContinuumMotion:
         usual = Disturbances(bent=disturbances.bent)
         self.raised = usual.raised(self.extent_m * float(held.min()), least=0.0)
         static = solid.shapes @ (solid.forces / np.maximum(solid.rates, held.min())[:, None]) + solid.omitted
-        on_body, on_surface = np.split(np.eye(solid.forces.shape[1]), [network.dim], axis=1)
-        fields = np.hstack([on_body, on_surface @ _effective(static @ on_surface)])
+        fields = block_diag(np.eye(network.dim), _effective(static[:, network.dim :]))
         self._basis, self.by_force = solid.forces @ fields, solid.omitted @ fields
         sources = SOURCES.index("short"), SOURCES.index("slow")
         n_forces = network.dim, fields.shape[1] - network.dim

@@ -65,7 +65,7 @@ class Motion(Protocol):
 
     @property
     def by_force(self) -> Floats:
-        """Displacement of the free nodes by each force beyond that of the coordinates, (n_full, n_f)."""
+        """Displacement of the free nodes per unit of each force [s²], (n_full, n_f), beyond that of the coordinates."""
 
     def moved(self, state: Floats, dt: float) -> Floats:
         """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""

@@ -143,8 +143,8 @@ def soft_block(per_side: int, seed: int) -> Recording:
     drawn, fixed = body.network.positions, body.network.fixed
     grid = np.round((drawn - drawn.min(axis=0)) / np.ptp(drawn, axis=0) * (per_side - 1))
     sag = RBFInterpolator(grid / (per_side - 1), drawn, kernel="linear", neighbors=min(len(grid), 60))
-    corners = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, BLOCK_CELLS + 1)] * 3, indexing="ij"), axis=-1)
-    mesh = TetMesh(sag(corners.reshape(-1, 3)), grid_tetrahedra((BLOCK_CELLS,) * 3))
+    corners = _corners((BLOCK_CELLS,) * 3)
+    mesh = TetMesh(sag(corners), grid_tetrahedra((BLOCK_CELLS,) * 3))
     tissue = Tissue("gel", _given(rng, BLOCK_PA), POISSON, BLOCK_KG_M3, RAYLEIGH_S)
     index = {name: k for k, name in enumerate(body.network.names)}
     skin = np.array([index[name] for name in body.marked])
@@ -153,7 +153,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
     target = inner[np.linalg.norm(drawn[inner] - drawn.mean(axis=0), axis=1).argmin()]
     shown = np.r_[skin, target]
     names = (*(f"M{k}" for k in range(1, 1 + len(skin))), "target")
-    wall = np.flatnonzero(corners.reshape(-1, 3)[:, 2] == 1.0)
+    wall = np.flatnonzero(corners[:, 2] == 1.0)
     network = continuum_network(mesh, (tissue,), wall, dict(zip(names, drawn[shown], strict=True)))
     return Recording(network, names[:-1], body.times_s, body.positions[:, shown])
 
@@ -176,9 +176,13 @@ def slab(n_marks: int, seed: int) -> Recording:
 
 
 def _slab_mesh(cells: tuple[int, int, int]) -> TetMesh:
+    return TetMesh((_corners(cells) - [0.5, 0.5, 0.0]) * SLAB_M, grid_tetrahedra(cells))
+
+
+def _corners(cells: tuple[int, int, int]) -> Floats:
+    """Corners of the cells of a unit cube, in the order of `grid_tetrahedra`, (n, 3)."""
     axes = [np.linspace(0.0, 1.0, 1 + count) for count in cells]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return TetMesh((nodes - [0.5, 0.5, 0.0]) * SLAB_M, grid_tetrahedra(cells))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _times_s() -> Floats:
