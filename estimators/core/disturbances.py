@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 SOLID, SOLID_S = (0.1, 1.0), 10.0
 """Surface forces on a continuum: strengths relative to that of a poke [1], and correlation time [s]; choice."""
 
-BODY_M_S2, BODY_S = 3.0, 5.0
-"""Force on the whole of a continuum, such as a turn of gravity by 18 degrees: strength [m/s²] and correlation time [s];
-choice."""
+BODY_M_S2, BODY_S = 3.0, (1.2, 1.0)
+"""Force on the whole of a continuum, such as breathing or a turn of gravity by 18 degrees: strength [m/s²], and
+correlation times [s] of the two states whose difference it is; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +38,8 @@ class Disturbances:
         Density of the white acceleration noise of each free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times of short and slow forces [s]; choice.
+    smooth_s : float
+        Correlation time of the second state of the force on the whole of a continuum [s]; choice.
     calm_s, poked_s, led_s : float
         Mean duration of the states calm, poked and led [s]; choice.
     led_each_s : float
@@ -63,6 +65,7 @@ class Disturbances:
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
+    smooth_s: float = BODY_S[1]
     calm_s: float = 8.0
     poked_s: float = 0.3
     led_each_s: float = 120.0
@@ -80,7 +83,7 @@ class Disturbances:
         """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        on_body = replace(pokes, calm_m_s2=BODY_M_S2, short_s=BODY_S, n_short=1)
+        on_body = replace(pokes, calm_m_s2=BODY_M_S2, short_s=BODY_S[0], n_short=1)
         return replace(on_body, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:

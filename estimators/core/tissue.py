@@ -128,7 +128,7 @@ class TissueProcess:
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Write the prior covariance of forces and discrepancy into `cov`, (n, n), for given source variances."""
         force = self.parts["force"]
-        cov[force, force] = np.diag(variances[self.motion.driving])
+        cov[force, force] = variances[self.motion.driving] * self.motion.force_cov
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
         cov[displaced, displaced] = variances[SOURCES.index("discrepancy")]
 

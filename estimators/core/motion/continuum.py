@@ -2,7 +2,8 @@
 
 A vibration mode with angular frequency w and damping c follows `x'' + c x' + w² x = f`. Its responses to an impulse and
 to a force `exp(-a t)` are sums of exponentials, so a step of any length is exact. Omitted modes respond statically:
-each force displaces the nodes by the residual flexibility of the modes [macneal1971].
+each force displaces the nodes by the residual flexibility of the modes [macneal1971]. The force on the whole body is
+smooth in time: it is the difference of two states that decay at different rates and have the same noise.
 """
 
 from __future__ import annotations
@@ -86,12 +87,17 @@ class ContinuumMotion:
         self.raised = usual.raised(self.extent_m * float(held.min()), least=0.0)
         static = solid.shapes @ (solid.forces / np.maximum(solid.rates, held.min())[:, None]) + solid.omitted
         fields = block_diag(np.eye(network.dim), _effective(static[:, network.dim :]))
-        self._basis, self.by_force = solid.forces @ fields, solid.omitted @ fields
-        sources = SOURCES.index("short"), SOURCES.index("slow")
-        n_forces = network.dim, fields.shape[1] - network.dim
-        self.driving = np.repeat(sources, n_forces)
-        self._fading_s = dict(zip(sources, (disturbances.short_s, disturbances.slow_s), strict=True))
-        self.fading_s = np.repeat(list(self._fading_s.values()), n_forces)
+        of = np.r_[: network.dim, : network.dim, network.dim : fields.shape[1]]  # force to which each state contributes
+        n_states = network.dim, network.dim, fields.shape[1] - network.dim
+        sign = np.repeat([1.0, -1.0, 1.0], n_states)
+        self._basis, self.by_force = sign * (solid.forces @ fields)[:, of], sign * (solid.omitted @ fields)[:, of]
+        self.driving = np.repeat([SOURCES.index(source) for source in ("short", "short", "slow")], n_states)
+        self.fading_s = np.repeat([disturbances.short_s, disturbances.smooth_s, disturbances.slow_s], n_states)
+        shared = 1.0 / (1.0 / self.fading_s[:, None] + 1.0 / self.fading_s)
+        noise = np.eye(fields.shape[1])[of]
+        signed = sign[:, None] * noise
+        self._noise = noise / np.sqrt(np.diag(signed.T @ shared @ signed))
+        self.force_cov = self._noise @ self._noise.T * shared
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
@@ -145,19 +151,21 @@ class ContinuumMotion:
         motion[n, n] = 1.0
         motion[x, x], motion[x, n + x] = by_v[:, 0] + damping * by_x[:, 0], by_x[:, 0]
         motion[n + x, x], motion[n + x, n + x] = -rates * by_x[:, 0], by_v[:, 0]
-        for source, fading_s in self._fading_s.items():
-            own, force = self._driven_by(source)
-            *answers, exponents = self._pushed(1.0 / fading_s)
-            grown = np.exp(exponents * dt)
-            for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                motion[rows, force] = (factors * grown).sum(axis=0).real[:, None] * own
+        motion[:, 2 * n :] = self._driven(end)[: 2 * n, :, 0]
         return motion, np.exp(-dt / self.fading_s)
 
-    def _driven_by(self, source: int) -> tuple[Floats, slice]:
-        """Columns of `_basis` for the forces of a source, (n_modes, any), and the indices of these states."""
-        own = np.flatnonzero(self.driving == source)
-        first = 2 * (1 + self._roots.shape[1]) + int(own[0])
-        return self._basis[:, own], slice(first, first + len(own))
+    def _driven(self, t: Floats) -> Floats:
+        """State at times t [s], (2 n + n_f, n_f, len(t)), after a start at rest with a unit of each force state."""
+        n, n_f = 1 + self._roots.shape[1], len(self.fading_s)
+        states = np.zeros((2 * n + n_f, n_f, len(t)))
+        for fading_s in np.unique(self.fading_s):
+            own = np.flatnonzero(self.fading_s == fading_s)
+            *answers, exponents = self._pushed(1.0 / fading_s)
+            grown = np.exp(exponents[..., None] * t)
+            for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+                states[rows, own] = (factors[..., None] * grown).sum(axis=0).real[:, None] * self._basis[:, own, None]
+        states[2 * n + np.arange(n_f), np.arange(n_f)] = np.exp(-t / self.fading_s[:, None])
+        return states
 
     def _noises(self, dt: float, n_state: int) -> Floats:
         """Noise covariance from each of the first four `SOURCES` at unit variance, (4, n_state, n_state)."""
@@ -172,15 +180,11 @@ class ContinuumMotion:
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
         t, weights = _ages(dt, float(np.abs(self._roots).min(axis=0).max()))
-        for source, fading_s in self._fading_s.items():
-            own, force = self._driven_by(source)
-            answers = np.zeros((n_state, own.shape[1], len(t)))  # response to a noise impulse of each age
-            *each, exponents = self._pushed(1.0 / fading_s)
-            grown = np.exp(exponents[..., None] * t)
-            for factors, rows in zip(each, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                answers[rows] = (factors[..., None] * grown).sum(axis=0).real[:, None] * own[..., None]
-            answers[force] = np.eye(own.shape[1])[..., None] * np.exp(-t / fading_s)
-            columns = (np.sqrt(2.0 / fading_s * weights) * answers).reshape(n_state, -1)
+        answers = self._driven(t) * np.sqrt(weights)
+        for source in np.unique(self.driving):
+            own = np.flatnonzero(self.driving == source)
+            noise = self._noise[own][:, self._noise[own].any(axis=0)]
+            columns = (answers[:, own].swapaxes(1, 2) @ noise).reshape(n_state, -1)
             noises[source] = columns @ columns.T
         return noises
 

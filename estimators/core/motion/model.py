@@ -64,6 +64,10 @@ class Motion(Protocol):
         """Correlation time of each force [s], (n_f,)."""
 
     @property
+    def force_cov(self) -> Floats:
+        """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
+
+    @property
     def by_force(self) -> Floats:
         """Displacement of the free nodes per unit of each force [s²], (n_full, n_f), beyond that of the coordinates."""
 

@@ -89,6 +89,7 @@ class NetworkMotion:
         moving = assembly if is_whole else ReducedAssembly(assembly, self.span)
         basis, self.driving = self._forces(pushes)
         self.fading_s = np.where(self.driving == SOURCES.index("slow"), disturbances.slow_s, disturbances.short_s)
+        self.force_cov = np.eye(len(self.driving))
         self.by_force = np.zeros((assembly.n, len(self.driving)))
         self._stepper = Rosenbrock(moving, self.span.masses, basis, self.fading_s, STEP_TOLERANCE * self.extent_m)
         self._explicit = Stepper(network) if sigma_points else None

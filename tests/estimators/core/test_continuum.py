@@ -67,9 +67,10 @@ def generator(process):
     A[2 * n :, 2 * n :] = -np.diag(1.0 / motion.fading_s)
     densities = np.zeros((4, len(A), len(A)))
     densities[0, n + 1 : 2 * n, n + 1 : 2 * n] = np.diag(process.span.white[1:] ** 2)
+    growth = -(A[2 * n :, 2 * n :] @ motion.force_cov + motion.force_cov @ A[2 * n :, 2 * n :])
     for source in ("short", "slow"):
-        own = 2 * n + np.flatnonzero(motion.driving == SOURCES.index(source))
-        densities[SOURCES.index(source), own, own] = -2.0 * A[own, own]
+        own = motion.driving == SOURCES.index(source)
+        densities[SOURCES.index(source), 2 * n :, 2 * n :] = growth * np.outer(own, own)
     return A, densities
 
 
@@ -86,6 +87,18 @@ def test_the_motion_is_that_of_its_equations(process, dt):
         expected = accumulated_noise(A, density, dt)
         size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal())) + 1e-30
         assert np.abs((found.noises[source] - expected) / size).max() < 1e-3, SOURCES[source]
+
+
+def test_the_force_on_the_body_is_smooth_in_time(process):
+    """Truth: the autocorrelation of an exponentially correlated force after a low-pass filter of first order."""
+    motion, t = process.motion, 0.05
+    (slow_s, fast_s), states = (process.disturbances.short_s, process.disturbances.smooth_s), [0, 3]
+    cov, after = motion.force_cov[np.ix_(states, states)], np.exp(-t / motion.fading_s[states])
+    sign = np.sign(motion._basis[np.abs(motion._basis[:, 0]).argmax(), states])
+    assert sign @ cov @ sign == pytest.approx(1.0)
+    expected = (slow_s * np.exp(-t / slow_s) - fast_s * np.exp(-t / fast_s)) / (slow_s - fast_s)
+    assert abs(sign @ (after[:, None] * cov) @ sign) == pytest.approx(expected)
+    assert 1.0 - expected < 0.1 * t / slow_s  # an exponentially correlated force would lose t / slow_s
 
 
 def test_columns_of_constants_are_derivatives_of_the_motion_by_them(network):
@@ -239,7 +252,7 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
         np.testing.assert_allclose(process.variances(0.0)[:, SOURCES.index("short")], 3.0**2)
     np.testing.assert_allclose(each[0].rates, np.array([[-1.0, 1.0], [1.0, -1.0]]) / 30.0)
     assert each[0].disturbances.calm_modes.all()
-    assert [SOURCES[source] for source in each[0].motion.driving[:4]] == ["short", "short", "short", "slow"]
+    assert [SOURCES[source] for source in each[0].motion.driving[:7]] == [*["short"] * 6, "slow"]
 
 
 def test_what_the_field_of_the_discrepancy_leaves_out_is_no_contradiction():
