@@ -26,6 +26,9 @@ APART = 1e-3
 LEFT_OUT = 3e-5
 """Largest share of the points' mean square displacement that omitted surface forces may cause [1]; numerical."""
 
+WALL = 0.5
+"""Acceleration noise of a driven boundary, relative to `Disturbances.white` [1]; choice."""
+
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
 
@@ -47,7 +50,7 @@ class ContinuumSpan(Span):
         drawn = network.positions[network.free].reshape(-1, 1)
         masses = np.repeat(network.masses[network.free], network.dim)
         r = len(solid.rates)
-        white = np.r_[0.0, np.where(np.isinf(solid.masses), 1.0, np.sqrt(network.dim / r))]
+        white = np.r_[0.0, np.where(np.isinf(solid.masses), WALL, np.sqrt(network.dim / r))]
         onto = np.vstack([np.zeros((1, len(drawn))), solid.shapes.T * masses / solid.masses[:, None]])
         matrix = np.hstack([drawn, solid.shapes])
         return cls(matrix, onto, np.r_[solid.mass, solid.masses], white)
