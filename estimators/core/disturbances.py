@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 SOLID, SOLID_S = (0.1, 1.0), 10.0
 """Surface forces on a continuum: strengths relative to that of a poke [1], and correlation time [s]; choice."""
 
-BODY_M_S2, BODY_S = 3.0, (1.2, 1.0)
-"""Force on the whole of a continuum, such as breathing or a turn of gravity by 18 degrees: strength [m/s²], and
-correlation times [s] of the two states whose difference it is; choice."""
+BODY, BODY_S = 0.2, (0.8, 0.7)
+"""Force on the whole of a continuum, such as breathing: strength relative to that of a poke [1], and correlation times
+[s] of the two states whose difference it is; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class Disturbances:
         """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        on_body = replace(pokes, calm_m_s2=BODY_M_S2, short_s=BODY_S[0], n_short=1)
+        on_body = replace(pokes, calm_m_s2=BODY * pokes.poke_m_s2, short_s=BODY_S[0], n_short=1)
         return replace(on_body, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
@@ -97,7 +97,7 @@ class Disturbances:
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white [m/s²/sqrt(Hz)], short, led and slow [m/s²] in each mode; raised: see `Motion.raised`."""
         calm, poke, led = self.short_m_s2
-        shorts = (calm, raised * poke, raised * led)[: self.n_short]
+        shorts = (calm if self.n_short > 1 else raised * calm, raised * poke, raised * led)[: self.n_short]
         return [
             (self.white, short, max(short, raised * led), raised * slow) for slow in self.slow_m_s2 for short in shorts
         ]
