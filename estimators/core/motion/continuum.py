@@ -26,8 +26,9 @@ APART = 1e-3
 LEFT_OUT = 3e-5
 """Largest share of the points' mean square displacement that omitted surface forces may cause [1]; numerical."""
 
-WALL = 0.5
-"""Acceleration noise of a driven boundary, relative to `Disturbances.white` [1]; choice."""
+WALL, WALL_S = 0.3, 1.0
+"""Motion of a driven wall: acceleration noise relative to `Disturbances.white` [1], and correlation time of the velocity
+[s]; choice."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
@@ -101,9 +102,10 @@ class ContinuumMotion:
         signed = sign[:, None] * noise
         self._noise = noise / np.sqrt(np.diag(signed.T @ shared @ signed))
         self.force_cov = self._noise @ self._noise.T * shared
-        root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
+        damping = np.where(np.isinf(solid.masses), 1.0 / WALL_S, solid.damping)
+        root = np.sqrt((0.25 * damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
-        self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
+        self._roots = np.stack([-0.5 * damping + root, -0.5 * damping - root])
         self._last: tuple[float, Floats, Floats, Floats] | None = None  # reused while frame intervals are equal
         self._constants = None
         if uncertainty is not None:
