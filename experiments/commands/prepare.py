@@ -13,7 +13,7 @@ from experiments.commands.options import Force, Out, Replace, ScenarioName, Vect
 from experiments.commands.run import Answer, Run
 from experiments.errors import InputError
 
-OF_MESH = ("--unit", "--size-mm", "--fixed", "--driven", "--marks", "--target", "--target-sd-mm", "--field", "--region")
+OF_MESH = ("--unit", "--size-mm", "--fixed", "--still", "--marks", "--target", "--target-sd-mm", "--field", "--region")
 
 
 def new(
@@ -55,8 +55,9 @@ def new(
         typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
     driven: Annotated[
-        bool, typer.Option("--driven", help="With --fixed: the fixed nodes belong to a wall that moves.")
-    ] = False,
+        bool,
+        typer.Option("--driven/--still", help="With --fixed: the wall of these nodes moves; default, or is still."),
+    ] = True,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),

@@ -81,7 +81,7 @@ class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
     marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: position of the target, as x,y,z
-    regions: tissue of each label, as LABEL=TISSUE; driven: whether the wall and its nodes move
+    regions: tissue of each label, as LABEL=TISSUE; driven: whether the filter expects that the wall moves
     """
 
     path: Path
@@ -93,7 +93,7 @@ class MeshChoice:
     target_sd_mm: float | None = None
     field: str | None = None
     regions: tuple[str, ...] = ()
-    driven: bool = False
+    driven: bool = True
 
 
 def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Template:
@@ -118,8 +118,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
-    table = partial(mesh_table, FILE, fixed, driven=of.driven)
-    assumed = _scene(content, of, table(dict(enumerate(tissues)), points), marks)
+    table = partial(mesh_table, FILE, fixed)
+    assumed = _scene(content, of, table(dict(enumerate(tissues)), points, driven=of.driven), marks)
     rng = np.random.default_rng(seed)
     actual = [
         replace(
@@ -131,7 +131,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     ]
     points = [*marks.items(), (TARGET, np.round(_drawn(of, target, mesh, anchored, rng), FINEST))]
     exactly = replace(of, target_sd_mm=0.0)  # the lesion's position is already random; `insert` must not vary it again
-    truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
+    truth = _scene(content, exactly, table(dict(enumerate(actual)), points, driven=False), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them fixed, "

@@ -66,7 +66,7 @@ MESH_KEYS = {
     "file": "tetrahedra at rest, by softaim new",
     "sha256": "of that file",
     "fixed": 'the fixed nodes: "y < 6" in mm, "region 3" or "wall"; without this key: none',
-    "driven": "the wall moves as a rigid body, in an unknown way",
+    "driven": "true: the wall moves as a rigid body, in an unknown way; false: it is still",
     "region": "number of the tissue in the file",
     "young_kpa": "Young's modulus, from a test: softaim identify hardly determines it",
     "poisson": "Poisson's ratio, up to 0.495",

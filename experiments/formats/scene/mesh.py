@@ -106,7 +106,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     key = {
         "mesh": sha256,
         "fixed": table.fixed,
-        "driven": table.driven,
+        "driven": table.moves,
         "regions": [one.region for one in table.tissue],
         "tissues": [asdict(tissue) for tissue in tissues],
         "points": [[point.name, point.position_mm] for point in table.point],
@@ -115,7 +115,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     regions = tuple(one.region for one in table.tissue)
     places = tuple((name, tuple(place.tolist())) for name, place in points.items())
     name = PurePath(table.file).name
-    return SceneMesh(name, content, table.fixed, table.driven, tissues, regions, places, _traces(network)), network
+    return SceneMesh(name, content, table.fixed, table.moves, tissues, regions, places, _traces(network)), network
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
@@ -155,13 +155,13 @@ def mesh_table(
     tissues: Mapping[int, Tissue],
     points: Sequence[tuple[str, Sequence[float] | Floats]],
     *,
-    driven: bool = False,
+    driven: bool,
 ) -> MeshTable:
     """The table `[mesh]` with tissues by region number, and with names and positions of points [m]."""
     return MeshTable(
         file=file,
         fixed=fixed,
-        driven=driven,
+        driven=None if fixed is None else driven,
         tissue=[
             MeshTissueTable(
                 name=one.name,
@@ -198,7 +198,7 @@ def _made(
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
         _check_apart(own, points)
-        return continuum_network(own.mesh, tissues, fixed, points, driven=table.driven, left_out=left_out)
+        return continuum_network(own.mesh, tissues, fixed, points, driven=table.moves, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 
@@ -245,7 +245,7 @@ def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
     """Lines of the table `[mesh]`, with the stiffness of the network."""
     table, sha256 = mesh.table(network), hashlib.sha256(mesh.content).hexdigest()
-    keys = {"file": table.file, "sha256": sha256, "fixed": table.fixed, "driven": table.driven or None}
+    keys = {"file": table.file, "sha256": sha256, "fixed": table.fixed, "driven": table.driven}
     lines = ["[mesh]", *key_lines(keys)]
     for tissue in table.tissue:
         lines += ["", "[[mesh.tissue]]", *key_lines(tissue.model_dump())]

@@ -90,15 +90,20 @@ class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
     fixed: text that selects the fixed nodes, see `held`
-    driven: whether the fixed nodes move as a rigid body
+    driven: whether the fixed nodes move as a rigid body; default: true if there are fixed nodes
     """
 
     file: Name
     sha256: Name | None = None
     fixed: Name | None = None
-    driven: bool = False
+    driven: bool | None = None
     tissue: Annotated[list[MeshTissueTable], Field(min_length=1)]
     point: Annotated[list[MeshPointTable], Field(min_length=1)]
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is a wall that moves."""
+        return self.fixed is not None if self.driven is None else self.driven
 
 
 Hue = Annotated[float, Field(ge=0, lt=360)]

@@ -242,7 +242,7 @@ def test_the_error_of_a_targets_place_is_apart_from_its_motion(network):
 
 
 def test_strengths_of_forces_follow_the_stated_poke(network):
-    """Two modes of surface forces in the ratio of ten; the force on the body is 0.2 of the stronger. Twice the poke doubles all."""
+    """Surface forces of two strengths; the force on the body is 0.2 of the stronger. Twice the poke doubles all."""
     usual = FilterSettings()
     strong = replace(usual, poked=replace(usual.poked, poke=2.0 * usual.poked.poke))
     each = [TissueFilter(network, "target", list(MARKS), settings).process for settings in (usual, strong)]

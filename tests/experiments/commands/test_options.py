@@ -35,7 +35,7 @@ new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --size-mm 
 new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --target 12,8,9 | out/scene.toml
 new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --target-sd-mm 2 | out/scene.toml
 new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --field share | out/scene.toml
-new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --driven | out/scene.toml
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --still | out/scene.toml
 new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --region 1=muscle | out/scene.toml
 new out | --seed 3 | out/truth/scene.toml
 new notes | --force | code

@@ -100,8 +100,8 @@ def test_points_are_the_free_nodes_and_the_wall_is_fixed(tmp_path: Path) -> None
 
 
 def test_a_driven_wall_is_read_and_written(tmp_path: Path) -> None:
-    still = read_scene(folder(tmp_path))
-    scene = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"x < 5"\ndriven = true')))
+    still = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"x < 5"\ndriven = false')))
+    scene = read_scene(folder(tmp_path))
     assert still.network.is_held
     assert not scene.network.is_held
     assert network_digest(scene) != network_digest(still)
