@@ -32,6 +32,9 @@ edge. Choice: the needle's force is spread over about this spacing. Points in on
 APART_M = 1e-5
 """Two points coincide if their distance is less than this [m]; choice: less than the accuracy of any mark."""
 
+MOVES = 0.1
+"""Least sum of a new point's weights for free nodes [1]; choice: other points move like the wall."""
+
 ON_SKIN_M = 1e-3
 """Largest distance from the body at which a point counts as a point on the skin [m]; choice: entries are rounded."""
 
@@ -131,10 +134,14 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
     """Mesh and network with additional, equally spaced points on the straight line between `ends` [m], (2, 3).
 
-    A new point is omitted if it is outside the body, or if an existing free point is nearer than half the spacing.
+    A new point is omitted if it is outside the body, if nodes around it are fixed, or if an existing free point is
+    nearer than half the spacing.
     Each new point has the same mass as the existing points.
     """
-    solid = mesh_of(mesh.content, Path(mesh.file)).mesh
+    own = mesh_of(mesh.content, Path(mesh.file))
+    solid, is_free = own.mesh, np.ones(len(own.mesh.nodes))
+    if mesh.fixed is not None:
+        is_free[held(own, mesh.fixed)] = 0.0
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
     extent_m, edge_m = np.linalg.norm(np.ptp(solid.nodes, axis=0)), np.median(np.linalg.norm(edges, axis=2))
     spacing_m = max(SPACING * float(extent_m), EDGES * float(edge_m))
@@ -142,9 +149,11 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
     near = _outside_m(solid, line) < ON_SKIN_M
     near &= cdist(line, network.positions[network.free]).min(axis=1) >= 0.5 * spacing_m
+    line = line[near]
+    line = line[points_of(solid, surface(solid), line).weights @ is_free > MOVES]
     taken = set(network.names)
     names = (name for k in count(1) if (name := f"{LINE} {k}") not in taken)
-    further = list(zip(names, line[near], strict=False))
+    further = list(zip(names, line, strict=False))
     longer, made = mesh_network(mesh.content, Path(mesh.file), mesh.table(network, further))
     return longer, replace(made, masses=np.full(made.n_nodes, network.masses[0]))
 

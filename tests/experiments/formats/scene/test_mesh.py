@@ -204,6 +204,18 @@ def test_points_on_a_line_are_those_inside(tmp_path: Path) -> None:
     np.testing.assert_allclose(longer[:9, :9], own_, atol=1e-6 * own_.max())
 
 
+def test_a_line_that_reaches_the_wall_ends_before_it(tmp_path: Path) -> None:
+    """The line meets two layers of nodes at x = 0 and 10 mm; those with x < 15 mm are fixed."""
+    scene = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"x < 15"')))
+    line = np.array([[0.035, 0.006, 0.006], [-1e-6, 0.006, 0.006]])
+    _, network = with_line(scene.mesh, scene.network, line)
+    own = [k for k, name in enumerate(network.names) if name.startswith("needle ")]
+    assert len(own)
+    assert (network.positions[own, 0] > 0.01).all()
+    none = with_line(scene.mesh, scene.network, np.array([[0.008, 0.006, 0.006], [0.0, 0.006, 0.006]]))[1]
+    assert none.names == scene.network.names
+
+
 @pytest.mark.parametrize("beside_m", [0.0, 1e-6, 5e-3])
 def test_a_named_point_serves_on_a_line_near_it(tmp_path: Path, beside_m: float) -> None:
     """At T, within the half of 15 mm or more, no further point; the names that the mesh has are left to it."""
