@@ -13,7 +13,7 @@ from estimators.tissue.settings import FilterSettings
 SOLID, SOLID_S = (0.1, 1.0), 10.0
 """Surface forces on a continuum: strengths relative to that of a poke [1], and correlation time [s]; choice."""
 
-BODY, BODY_S = 0.2, (0.8, 0.7)
+BODY, BODY_S = 0.1, (0.5, 0.45)
 """Force on the whole of a continuum, such as breathing: strength relative to that of a poke [1], and correlation times
 [s] of the two states whose difference it is; choice."""
 

@@ -242,13 +242,13 @@ def test_the_error_of_a_targets_place_is_apart_from_its_motion(network):
 
 
 def test_strengths_of_forces_follow_the_stated_poke(network):
-    """Surface forces of two strengths; the force on the body is 0.2 of the stronger. Twice the poke doubles all."""
+    """Surface forces of two strengths; the force on the body is as strong as the weaker. Twice the poke doubles all."""
     usual = FilterSettings()
     strong = replace(usual, poked=replace(usual.poked, poke=2.0 * usual.poked.poke))
     each = [TissueFilter(network, "target", list(MARKS), settings).process for settings in (usual, strong)]
     rows = np.sqrt([process.variances(0.0) for process in each]) / each[0].motion.raised
     np.testing.assert_allclose(rows[..., SOURCES.index("slow")], [[0.5, 5.0], [1.0, 10.0]])
-    np.testing.assert_allclose(rows[..., SOURCES.index("short")], [[1.0, 1.0], [2.0, 2.0]])
+    np.testing.assert_allclose(rows[..., SOURCES.index("short")], [[0.5, 0.5], [1.0, 1.0]])
     np.testing.assert_allclose(each[0].rates, np.array([[-1.0, 1.0], [1.0, -1.0]]) / 30.0)
     assert each[0].disturbances.calm_modes.all()
     assert [SOURCES[source] for source in each[0].motion.driving[:7]] == [*["short"] * 6, "slow"]
