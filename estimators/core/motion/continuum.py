@@ -27,8 +27,8 @@ LEFT_OUT = 3e-5
 """Largest share of the points' mean square displacement that omitted surface forces may cause [1]; numerical."""
 
 WALL, WALL_S = 0.3, 1.0
-"""Acceleration noise of a driven wall, relative to `Disturbances.white` [1], and correlation time of the wall's velocity
-[s]; choice."""
+"""A driven wall's acceleration noise, relative to `Disturbances.white` [1], and its velocity's correlation time [s];
+choice."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""

@@ -210,7 +210,7 @@ def test_a_line_that_reaches_the_wall_ends_before_it(tmp_path: Path) -> None:
     line = np.array([[0.035, 0.006, 0.006], [-1e-6, 0.006, 0.006]])
     _, network = with_line(scene.mesh, scene.network, line)
     own = [k for k, name in enumerate(network.names) if name.startswith("needle ")]
-    assert len(own)
+    assert own
     assert (network.positions[own, 0] > 0.01).all()
     none = with_line(scene.mesh, scene.network, np.array([[0.008, 0.006, 0.006], [0.0, 0.006, 0.006]]))[1]
     assert none.names == scene.network.names
