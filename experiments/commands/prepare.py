@@ -54,10 +54,9 @@ def new(
         str | None,
         typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
-    driven: Annotated[
-        bool,
-        typer.Option("--driven/--still", help="With --fixed: the wall of these nodes moves; default, or is still."),
-    ] = True,
+    still: Annotated[
+        bool, typer.Option("--still", help="With --fixed: the wall of these nodes does not move.")
+    ] = False,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
@@ -109,7 +108,7 @@ def new(
             target_sd_mm,
             field,
             tuple(region or ()),
-            driven,
+            not still,
         )
     with run.folder(folder, force=force, inputs=[nodes, springs, mesh]) as work:
         made = project(
