@@ -4,7 +4,7 @@ A new kind of `ForceElement` belongs here.
 """
 
 from dynamics.elements.assembly import Assembly
-from dynamics.elements.continuum import LEFT_OUT, continuum_network, dilatation_patches, matern, points_of
+from dynamics.elements.continuum import LEFT_OUT, NEAR, continuum_network, dilatation_patches, matern, points_of
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.reduced import ReducedAssembly, Span, smooth_shapes
@@ -13,6 +13,7 @@ from dynamics.elements.tetrahedra import Tetrahedra, TissueConstants
 
 __all__ = [
     "LEFT_OUT",
+    "NEAR",
     "Assembly",
     "ForceElement",
     "ReducedAssembly",

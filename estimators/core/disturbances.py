@@ -31,15 +31,16 @@ class Disturbances:
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
         Standard deviation of a short force in the states calm, poked and led [m/s²]; choice. On a continuum,
-        `calm_m_s2` is that of the force on the whole body.
+        `calm_m_s2` is that of the force on the whole body, before it is multiplied by `Motion.raised`.
     slow_m_s2 : tuple of float
         Standard deviation of a slow force in each of its states, in increasing order [m/s²]; choice.
     white : float
         Density of the white acceleration noise of each free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
-        Correlation times of short and slow forces [s]; choice.
+        Correlation times of short and slow forces [s]; choice. On a continuum, `short_s` is that of the first state of
+        the force on the whole body.
     smooth_s : float
-        Correlation time of the second state of the force on the whole of a continuum [s]; choice.
+        Correlation time of the second state of this force [s]; choice.
     calm_s, poked_s, led_s : float
         Mean duration of the states calm, poked and led [s]; choice.
     led_each_s : float
@@ -87,7 +88,7 @@ class Disturbances:
         return replace(on_body, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths of pokes, dragging and slow forces [1]. It is larger for a stiffer body.
+        """Factor on strengths of pokes, dragging, slow forces and all forces on a continuum [1]; it grows with stiffness.
 
         returning_m_s2: acceleration by elastic forces at a displacement that equals the body's extent [m/s²]
         least: smallest factor

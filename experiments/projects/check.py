@@ -123,7 +123,8 @@ def checked(
     estimate = _after_rest(line, (*seen, *reference), interval_s, lambda share: advance(0.1 + 0.6 * share))
     settings, prior = line.filter.settings, line.filter.process.disturbances
     covs = {mark.node: mark.cov for mark in seen}
-    calm, poked = (replace(settings.poked, white=prior.white, poke=poke) for poke in prior.short_m_s2[:2])
+    strengths = prior.by_mode(line.filter.process.motion.raised)[0][1], prior.short_m_s2[1]
+    calm, poked = (replace(settings.poked, white=prior.white, poke=strength) for strength in strengths)
     quiet = resting_bound(network, covs, interval_s, calm)
     advance(0.8)
     pushed = resting_bound(network, covs, interval_s, poked, poked=scene.measured_nodes)

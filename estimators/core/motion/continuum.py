@@ -30,6 +30,9 @@ WALL, WALL_S = 0.3, 1.0
 """A driven wall's acceleration noise, relative to `Disturbances.white` [1], and its velocity's correlation time [s];
 choice."""
 
+WALL_START = 30.0
+"""Prior standard deviation of a driven wall's motion at the start, relative to that of other modes [1]; choice."""
+
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as a rounding error [s]; numerical."""
 
@@ -62,8 +65,9 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Diagonal covariance matrix of the coordinates, (n, n): `FIXED**2` for coordinate 0, else `white**2`."""
-        return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
+        """Diagonal matrix, (n, n): `FIXED**2` for coordinate 0, `WALL_START**2` for a driven wall, else `white**2`."""
+        sd = np.where(np.isinf(self.masses[1:]), WALL_START, self.white[1:])
+        return np.diag(np.r_[FIXED**2, sd**2])
 
 
 class ContinuumMotion:

@@ -57,19 +57,19 @@ class Motion(Protocol):
 
     @property
     def driving(self) -> NDArray[np.int64]:
-        """Index in `SOURCES` of the source that drives each force, (n_f,)."""
+        """Index in `SOURCES` of the source that drives each force state, (n_f,)."""
 
     @property
     def fading_s(self) -> Floats:
-        """Correlation time of each force [s], (n_f,)."""
+        """Correlation time of each force state [s], (n_f,)."""
 
     @property
     def force_cov(self) -> Floats:
-        """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
+        """Covariance of the force states, (n_f, n_f), if each force has variance 1; see `ContinuumMotion`."""
 
     @property
     def by_force(self) -> Floats:
-        """Displacement of the free nodes per unit of each force [s²], (n_full, n_f), beyond that of the coordinates."""
+        """Displacement of free nodes per unit of a force state [s²], (n_full, n_f), beyond that of the coordinates."""
 
     def moved(self, state: Floats, dt: float) -> Floats:
         """State after dt [s] without noise: n coordinates, n velocities, n_f forces, (2 n + n_f,)."""

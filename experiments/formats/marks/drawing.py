@@ -166,7 +166,7 @@ def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
     There is no interpretation if the marks are nearly collinear, or if the body has no anchors.
     """
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
-    if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
+    if not scene.network.fixed.any() or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return
     about = seen - seen.mean(axis=0)
     for axes in _axes(seen.shape[1]):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.distance import cdist, pdist, squareform
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import LEFT_OUT, continuum_network, points_of
+from dynamics.elements import LEFT_OUT, NEAR, continuum_network, points_of
 from dynamics.mesh import INSIDE, MeshError, TetMesh, Tissue, locate_on_surface, nearest_elements, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
@@ -147,7 +147,7 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     spacing_m = max(SPACING * float(extent_m), EDGES * float(edge_m))
     length_m = float(np.linalg.norm(ends[1] - ends[0]))
     line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
-    near = _outside_m(solid, line) < ON_SKIN_M
+    near = _outside_m(solid, line) < min(ON_SKIN_M, NEAR * float(extent_m))
     near &= cdist(line, network.positions[network.free]).min(axis=1) >= 0.5 * spacing_m
     line = line[near]
     line = line[points_of(solid, surface(solid), line).weights @ is_free > MOVES]

@@ -158,8 +158,11 @@ def soft_block(per_side: int, seed: int) -> Recording:
     return Recording(network, names[:-1], body.times_s, body.positions[:, shown])
 
 
-def slab(n_marks: int, seed: int) -> Recording:
-    """A breathing slab of fat on a wall, with pushes on its skin. n_marks marks are on the face opposite the wall."""
+def slab(n_marks: int, seed: int, *, driven: bool = False) -> Recording:
+    """A breathing slab of fat on a wall, with pushes on its skin. n_marks marks are on the face opposite the wall.
+
+    driven: whether the wall moves in the filter's model
+    """
     rng = np.random.default_rng([seed, 5])
     mesh, given = (_slab_mesh(cells) for cells in SLAB_CELLS)
     x, top = mesh.nodes, np.flatnonzero(mesh.nodes[:, 2] == SLAB_M[2])
@@ -171,7 +174,7 @@ def slab(n_marks: int, seed: int) -> Recording:
     names = (*(f"M{k}" for k in range(1, 1 + n_marks)), "target")
     tissue = replace(TISSUES[0], young_pa=_given(rng, TISSUES[0].young_pa))
     held = np.flatnonzero(given.nodes[:, 2] == 0.0)
-    network = continuum_network(given, (tissue,), held, dict(zip(names, x[shown], strict=True)))
+    network = continuum_network(given, (tissue,), held, dict(zip(names, x[shown], strict=True)), driven=driven)
     return Recording(network, names[:-1], times_s, places)
 
 
@@ -293,6 +296,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "block, 1,000 nodes": lambda seed: soft_block(10, seed),
     "slab, 6 marks": lambda seed: slab(6, seed),
     "slab, 20 marks": lambda seed: slab(20, seed),
+    "slab, 20 marks, driven": lambda seed: slab(20, seed, driven=True),
     "breast": breast,
     "breast, driven": lambda seed: breast(seed, "driven"),
     "moving breast, driven": lambda seed: breast(seed, "driven", moves=True),
