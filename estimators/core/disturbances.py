@@ -88,7 +88,7 @@ class Disturbances:
         return replace(on_body, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on strengths of pokes, dragging, slow forces and all forces on a continuum [1]; it grows with stiffness.
+        """Factor on strengths of pokes, dragging, slow forces and all forces on a continuum [1]; large if stiff.
 
         returning_m_s2: acceleration by elastic forces at a displacement that equals the body's extent [m/s²]
         least: smallest factor
