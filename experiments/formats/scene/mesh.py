@@ -74,8 +74,12 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network including the modes that `LEFT_OUT` omits, with which true motions are simulated."""
-        table, points = self.table(network), {name: np.array(place) for name, place in self.points}
+        """The network on a still wall, including the modes that `LEFT_OUT` omits. It simulates true motions."""
+        still = {"driven": None if self.fixed is None else False}
+        table, points = (
+            self.table(network).model_copy(update=still),
+            {name: np.array(place) for name, place in self.points},
+        )
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
 

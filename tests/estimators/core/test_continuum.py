@@ -106,22 +106,6 @@ def test_the_force_on_the_body_is_smooth_in_time(process):
     assert 1.0 - expected < 0.1 * t / slow_s  # an exponentially correlated force would lose t / slow_s
 
 
-def test_a_wall_that_is_elsewhere_in_the_first_frame_is_found(network):
-    """The wall is still, 15 mm beside its drawn place, as if tracking started while a patient inhales."""
-    mesh, rng = block((8, 6, 4), SIZE), np.random.default_rng(6)
-    driven = continuum_network(mesh, (FAT,), held(mesh), MARKS | {"target": TARGET}, driven=True)
-    tissue, shift = TissueFilter(driven, "target", list(MARKS)), np.array([0.0, 0.009, 0.012])
-    errors, nees = [], []
-    for k in range(12):
-        tissue.predict(k * HZ)
-        found = tissue.update(seen({name: place + shift for name, place in MARKS.items()}, rng))
-        errors.append(np.linalg.norm(found.mean - TARGET - shift))
-        nees.append(normalised_error_squared((found.mean - TARGET - shift)[None], found.cov[None])[0])
-    assert errors[0] < 2e-3
-    assert errors[-1] < 5e-4
-    assert max(nees) < 7.8
-
-
 def test_columns_of_constants_are_derivatives_of_the_motion_by_them(network):
     """Truth: the equations of motion of a tissue a little stiffer and softer, by central differences."""
     which = parameters(network)

@@ -3,10 +3,12 @@
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import Assembly, Tetrahedra, TissueConstants
+from dynamics.elements import Assembly, Tetrahedra, TissueConstants, continuum_network
 from dynamics.mesh import lumped_masses, patches
+from estimators import TissueFilter, normalised_error_squared
 from estimators.core import TissueProcess
 from tests.dynamics.blocks import block
+from tests.estimators.core.test_continuum import FAT, HZ, MARKS, SIZE, TARGET, held, seen
 
 
 def test_a_block_of_tetrahedra_sways_as_its_slowest_vibration():
@@ -33,3 +35,19 @@ def test_a_block_of_tetrahedra_sways_as_its_slowest_vibration():
         state = process.moved(state, half / 40)
     crossed = (state[process.parts["position"]] - rest) @ swing / (swing @ swing)
     assert -1.0 <= crossed < -0.97
+
+
+def test_a_wall_that_is_elsewhere_in_the_first_frame_is_found():
+    """The wall is still, 15 mm beside its drawn place, as if tracking started while a patient inhales."""
+    mesh, rng = block((8, 6, 4), SIZE), np.random.default_rng(6)
+    driven = continuum_network(mesh, (FAT,), held(mesh), MARKS | {"target": TARGET}, driven=True)
+    tissue, shift = TissueFilter(driven, "target", list(MARKS)), np.array([0.0, 0.009, 0.012])
+    errors, nees = [], []
+    for k in range(12):
+        tissue.predict(k * HZ)
+        found = tissue.update(seen({name: place + shift for name, place in MARKS.items()}, rng))
+        errors.append(np.linalg.norm(found.mean - TARGET - shift))
+        nees.append(normalised_error_squared((found.mean - TARGET - shift)[None], found.cov[None])[0])
+    assert errors[0] < 2e-3
+    assert errors[-1] < 5e-4
+    assert max(nees) < 7.8

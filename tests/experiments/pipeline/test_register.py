@@ -17,6 +17,7 @@ from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.events import is_identified
 from tests.experiments.command import softaim
+from tests.experiments.formats.scene.test_mesh import SCENE
 from tests.experiments.formats.scene.test_mesh import folder as mesh_folder
 from tests.experiments.in_space import breast
 
@@ -184,7 +185,7 @@ def test_an_identified_scene_stays_identified(good: Path) -> None:
 def test_an_anchor_of_a_mesh_that_is_another_one_after_the_move_has_no_reference_mark(tmp_path: Path) -> None:
     """Anchors of a box are at equal distances: which of them are shown changes with the turn."""
     R, t = SPACE
-    scene = read_scene(mesh_folder(tmp_path))
+    scene = read_scene(mesh_folder(tmp_path, SCENE.replace('"x < 5"', '"x < 5"\ndriven = false')))
     motion = RigidMotion(R, t, np.zeros(3))
     moved = moved_scene(scene, motion, Path("moved.npz")).network.positions
     others = np.linalg.norm(moved - motion.moved(scene.network.positions), axis=1) > 1e-3
