@@ -65,7 +65,7 @@ class ContinuumSpan(Span):
 
     @property
     def independent(self) -> Floats:
-        """Diagonal matrix, (n, n): `FIXED**2` for coordinate 0, `WALL_START**2` for a driven wall, else `white**2`."""
+        """Diagonal covariance, (n, n): `FIXED**2` for coordinate 0, `WALL_START**2` for a wall, else `white**2`."""
         sd = np.where(np.isinf(self.masses[1:]), WALL_START, self.white[1:])
         return np.diag(np.r_[FIXED**2, sd**2])
 
@@ -95,14 +95,14 @@ class ContinuumMotion:
         self.raised = usual.raised(self.extent_m * float(held.min()), least=0.0)
         static = solid.shapes @ (solid.forces / np.maximum(solid.rates, held.min())[:, None]) + solid.omitted
         fields = block_diag(np.eye(network.dim), _effective(static[:, network.dim :]))
-        of = np.r_[: network.dim, : network.dim, network.dim : fields.shape[1]]  # force to which each state contributes
+        force = np.r_[: network.dim, : network.dim, network.dim : fields.shape[1]]  # to which each state contributes
         n_states = network.dim, network.dim, fields.shape[1] - network.dim
         sign = np.repeat([1.0, -1.0, 1.0], n_states)
-        self._basis, self.by_force = sign * (solid.forces @ fields)[:, of], sign * (solid.omitted @ fields)[:, of]
+        self._basis, self.by_force = sign * (solid.forces @ fields)[:, force], sign * (solid.omitted @ fields)[:, force]
         self.driving = np.repeat([SOURCES.index(source) for source in ("short", "short", "slow")], n_states)
         self.fading_s = np.repeat([disturbances.short_s, disturbances.smooth_s, disturbances.slow_s], n_states)
         shared = 1.0 / (1.0 / self.fading_s[:, None] + 1.0 / self.fading_s)
-        noise = np.eye(fields.shape[1])[of]
+        noise = np.eye(fields.shape[1])[force]
         signed = sign[:, None] * noise
         self._noise = noise / np.sqrt(np.diag(signed.T @ shared @ signed))
         self.force_cov = self._noise @ self._noise.T * shared

@@ -113,7 +113,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     key = {
         "mesh": sha256,
         "fixed": table.fixed,
-        "driven": table.moves,
+        "driven": table.wall_moves,
         "regions": [one.region for one in table.tissue],
         "tissues": [asdict(tissue) for tissue in tissues],
         "points": [[point.name, point.position_mm] for point in table.point],
@@ -122,7 +122,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     regions = tuple(one.region for one in table.tissue)
     places = tuple((name, tuple(place.tolist())) for name, place in points.items())
     name = PurePath(table.file).name
-    return SceneMesh(name, content, table.fixed, table.moves, tissues, regions, places, _traces(network)), network
+    return SceneMesh(name, content, table.fixed, table.wall_moves, tissues, regions, places, _traces(network)), network
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
@@ -211,7 +211,7 @@ def _made(
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
         _check_apart(own, points)
-        return continuum_network(own.mesh, tissues, fixed, points, driven=table.moves, left_out=left_out)
+        return continuum_network(own.mesh, tissues, fixed, points, driven=table.wall_moves, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 

@@ -101,7 +101,7 @@ class MeshTable(Strict):
     point: Annotated[list[MeshPointTable], Field(min_length=1)]
 
     @property
-    def moves(self) -> bool:
+    def wall_moves(self) -> bool:
         """Whether there is a wall that moves."""
         return self.fixed is not None if self.driven is None else self.driven
 
