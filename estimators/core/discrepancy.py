@@ -16,8 +16,8 @@ from estimators.core.kernels import withheld_log_likelihoods
 from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
-SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
-"""`Discrepancy.levels` and `Discrepancy.least` for a continuum, whose strains are small [1]; choice."""
+SOLID_LEVELS, SOLID_LEAST, SOLID_LOOSE = (0.005, 0.015, 0.05), 5e-3, 0.05
+"""`Discrepancy.levels`, `least` and `loose` for a continuum: its strains are small, its wall may move [1]; choice."""
 
 JITTER = 1e-6
 """Variance added at fixed nodes before a linear system is solved, relative to the field's variance [1]; numerical."""
@@ -58,6 +58,8 @@ class Discrepancy:
         Largest number of basis functions of the displacement on each axis; numerical.
     least : float
         Smallest variance of a basis function, relative to the largest variance [1]; numerical.
+    loose : float
+        Share of the fields' variance that remains at fixed nodes, because these may move, too [1]; choice.
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -69,18 +71,19 @@ class Discrepancy:
     weight: float = 1.0
     rank: int = 40
     least: float = 1e-3
+    loose: float = 0.0
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
         """Make the prior from the settings of the filter. `solid` states whether the body is a continuum."""
-        prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
+        prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST, loose=SOLID_LOOSE) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
         """Basis functions of the displacement [m], (n, r), and the variance that they omit at each node [m²], (n,).
 
         places: positions of the n free nodes [m], (n, dim)
-        held: positions of fixed nodes, where the displacement is zero [m], (any, dim)
+        held: positions of fixed nodes, where the share `loose` of the variance remains [m], (any, dim)
         Both results are for a long-range field whose standard deviation equals the extent of these positions (level 1).
         """
         everything = np.vstack([places, held])
@@ -94,7 +97,7 @@ class Discrepancy:
         own = np.asarray(cov)[:n, :n]
         if len(held):
             fixed = cov[n:, n:] + JITTER * np.eye(len(held))  # type: ignore[index]
-            own = own - cov[:n, n:] @ np.linalg.solve(fixed, cov[n:, :n])  # type: ignore[index]
+            own = own - (1.0 - self.loose) * cov[:n, n:] @ np.linalg.solve(fixed, cov[n:, :n])  # type: ignore[index]
         found = factor(own, self.rank, self.least)
         return extent * found, extent**2 * np.maximum(own.diagonal() - (found**2).sum(axis=1), 0.0)
 

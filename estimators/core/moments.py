@@ -107,15 +107,17 @@ class Predicted:
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
         """Covariances after a transition of `before.means` to `means` (l, n). added (n,): variances of other noise."""
-        shares, noises, n = before.shares, transition.noises, len(transition.noises)
+        shares, (n, m, _) = before.shares, transition.noises.shape
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
-        covs = moved(before.covs, transition.matrix)
+        covs, differ = moved(before.covs, transition.matrix), np.ptp(variances[:, :n], axis=0) > 0.0
+        # noise that is equal in all modes is added to each hypothesis, because the shares of a mode sum to 1
+        covs[:, :m, :m] += np.tensordot(variances[0, :n][~differ], transition.noises[~differ], 1)
         if transition.spread is not None:
             covs[:, : len(transition.spread), : len(transition.spread)] += transition.spread
         each = np.tile(added, (len(variances), 1))
         if len(transition.independent):
             each += variances[:, n:] @ transition.independent
-        return cls(shares, apart, covs, variances[:, :n], noises, each)
+        return cls(shares, apart, covs, np.compress(differ, variances[:, :n], axis=1), transition.noises[differ], each)
 
     def each(self, modes: NDArray[np.int64]) -> Floats:
         """Covariances of the given modes, (k, n, n); zeros for all other modes."""

@@ -329,7 +329,7 @@ def test_a_wall_that_moves_is_followed_apart_from_what_bends_the_body(network, t
     assert not each[0].process.span.onto[1:7].any()  # a known force moves no wall
     assert found[0].status is Status.TRACKING
     assert rms[0] < 7e-4
-    assert rms[0] < 0.35 * rms[1]
+    assert rms[0] < 0.4 * rms[1]
     assert np.mean(nees[10:]) < 2.0 * 3.0
 
 

@@ -31,6 +31,10 @@ def test_the_field_is_zero_where_the_body_is_held_and_whole_far_from_there() -> 
     np.testing.assert_allclose((free**2).sum(axis=1), 1.0 + prior.short**2, rtol=5e-3)
     assert np.all(np.diff(sd) > 0.0)
     assert sd[0] < 0.3 * sd[-1]
+    functions, left_out = Discrepancy(loose=0.1).field(x, x[:1])
+    variances = (functions**2).sum(axis=1) + left_out
+    np.testing.assert_allclose(variances[0], 0.1 * (1.0 + prior.short**2), rtol=1e-4)
+    np.testing.assert_allclose(variances[1:], 0.9 * sd**2 + 0.1 * (free[1:] ** 2).sum(axis=1), rtol=5e-3)
 
 
 def test_functions_of_little_variance_are_kept_where_the_prior_asks_for_them() -> None:

@@ -264,6 +264,7 @@ def test_predicted_covariances_and_products_are_those_of_mixtures_with_noise(
     P, noises, independent = roots[:3] @ roots[:3].swapaxes(1, 2), roots[3:, :4, :4], rng.random((2, 7))
     noises, spread = noises @ noises.swapaxes(1, 2), 0.1 * np.eye(3)
     variances, added, shares = rng.random((4, 4 if is_independent else 2)), rng.random(7), rng.random((3, 4))
+    variances[:, 1] = 0.3  # equal in all modes
     shares[:, 0] = 1.0, 0.0, 0.0
     shares /= shares.sum(axis=0)
     own = {"independent": independent} if is_independent else {}
