@@ -48,12 +48,23 @@ def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None)
     If all bins of reliability.png or advised.png have fewer than `N_LEAST` insertions, this plot is omitted.
     vector: "pdf" or "svg" for a vector file of each plot
     """
-    drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
-    bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}
-    for name, figure in drawn.items():
-        if name in bins_of and all(row.n < N_LEAST for row in bins_of[name]):
-            continue  # no bin has enough insertions
-        write_picture(figure(done), folder / f"{name}.png", vector)
+    pictures = {"hits": hits_figure(done), "misses": misses_figure(done)}
+    for name, (rows, title) in reliabilities(done).items():
+        if any(row.n >= N_LEAST for row in rows):
+            pictures[name] = reliability_figure(rows, title)
+    for name, figure in pictures.items():
+        write_picture(figure, folder / f"{name}.png", vector)
+
+
+def reliabilities(done: Trials) -> dict[str, tuple[Sequence[ReliabilityBin], str]]:
+    """Bins and title of each `reliability_figure`, by name: hit probabilities of `filter-ahead`, and of the advice.
+
+    `filter-ahead` predicts the hit probability when it starts to insert. In each run the radius of the lesion is random.
+    """
+    return {
+        "reliability": (calibrated(done), "filter-ahead at the commitment, in ten bins"),
+        "advised": (bins(done.advised), "advice at any time, in ten bins"),
+    }
 
 
 @styled
@@ -103,21 +114,8 @@ def misses_figure(done: Trials) -> Figure:
     return figure
 
 
-def reliability_figure(done: Trials) -> Figure:
-    """Plot of the observed hit rate against the hit probability that `filter-ahead` predicts when it starts to insert.
-
-    In each run the radius of the lesion is random.
-    """
-    return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
-
-
-def advised_figure(done: Trials) -> Figure:
-    """Plot of the observed hit rate of immediate insertions against the hit probability that the advice predicted."""
-    return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
-
-
 @styled
-def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
+def reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     """Plot of the observed hit rate against the predicted hit probability, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)

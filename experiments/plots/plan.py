@@ -185,8 +185,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
     """Draw the path of highest hit probability from each entry; the best and the next best paths have thicker lines."""
-    found = done.plan
-    n_aims = done.task.n_aims
+    found, n_aims = done.plan, done.task.n_aims
     shown = [
         min(range(i, i + n_aims), key=lambda k: (bool(found.reasons[k]), -found.hits[k]))
         for i in range(0, len(found.hits), n_aims)
