@@ -57,10 +57,7 @@ def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None)
 
 
 def reliabilities(done: Trials) -> dict[str, tuple[Sequence[ReliabilityBin], str]]:
-    """Bins and title of each `reliability_figure`, by name: hit probabilities of `filter-ahead`, and of the advice.
-
-    `filter-ahead` predicts the hit probability when it starts to insert. In each run the radius of the lesion is random.
-    """
+    """Bins and title of each `reliability_figure`, by the name of its file; see `calibrated` and `bins`."""
     return {
         "reliability": (calibrated(done), "filter-ahead at the commitment, in ten bins"),
         "advised": (bins(done.advised), "advice at any time, in ten bins"),
