@@ -131,17 +131,10 @@ def _moduli(K: csc_array, lattice: Lattice) -> Row:
     named |= {f"free_sided_{name}_pa": value for name, value in zip(AXES, free, strict=True)}
     for key, values in (("shear_{}_pa", found.shear), ("poisson_{}", found.poisson)):
         named |= {key.format(name): value for name, value in zip(PLANES, values, strict=True)}
-    return {key: float(value) for key, value in named.items()} | {
-        "bulk_pa": found.bulk,
-        "anisotropy": found.anisotropy,
-    }
+    return {key: float(value) for key, value in named.items()} | {"bulk_pa": found.bulk, "anisotropy": found.anisotropy}
 
 
-WORDS = {
-    "van_gelder": "Van Gelder",
-    "lloyd": "Lloyd",
-    "fitted": "fitted to other boxes",
-}
+WORDS = {"van_gelder": "Van Gelder", "lloyd": "Lloyd", "fitted": "fitted to other boxes"}
 """Column headings of the methods in the table of errors. The method `own` has no column, as its errors are zero."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]

@@ -22,15 +22,7 @@ import pandas as pd
 from experiments.engine.runs import Case
 from experiments.engine.study import OWN
 from experiments.formats.outputs import write_whole
-from experiments.studies.grid import (
-    command,
-    grid,
-    kept_runs,
-    print_figures,
-    runs_of,
-    seeds_of,
-    study_options,
-)
+from experiments.studies.grid import command, grid, kept_runs, print_figures, runs_of, seeds_of, study_options
 from experiments.studies.real_balls import PxFollower
 from vision import (
     Disc,

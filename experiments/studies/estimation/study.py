@@ -201,22 +201,9 @@ def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
     return {label: figures(own) for label, own in parts.items() if len(own)}
 
 
-USUAL = {
-    "filter [mm]": "{filter_mm:.2f}",
-    "ratio": "{ratio:.3f}",
-    "coverage": "{coverage95:.1%}",
-    "NEES": "{nees:.2f}",
-}
-BOUND = {
-    "filter RMSE [mm]": "{rmse_mm:.3f}",
-    "bound [mm]": "{bound_mm:.3f}",
-    "ratio": "{ratio:.3f}",
-}
-HARD = {
-    "diverged": "{runs_diverged}/{runs}",
-    "over 40 mm": "{runs_ever_far}/{runs}",
-    "coverage": "{coverage95:.1%}",
-}
+USUAL = {"filter [mm]": "{filter_mm:.2f}", "ratio": "{ratio:.3f}", "coverage": "{coverage95:.1%}", "NEES": "{nees:.2f}"}
+BOUND = {"filter RMSE [mm]": "{rmse_mm:.3f}", "bound [mm]": "{bound_mm:.3f}", "ratio": "{ratio:.3f}"}
+HARD = {"diverged": "{runs_diverged}/{runs}", "over 40 mm": "{runs_ever_far}/{runs}", "coverage": "{coverage95:.1%}"}
 """Columns of a table: headings, and format strings for the figures of a row."""
 
 

@@ -12,14 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, four_mass_phantom
-from estimators import (
-    FilterSettings,
-    MarkMeasurement,
-    OpenLoop,
-    TargetEstimate,
-    TissueFilter,
-    normalised_error_squared,
-)
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.seen_marks import outliers

@@ -142,17 +142,8 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
     ScriptedFault("lag", "all frames come 1 s late", FOREVER, arrivals=_lag),
-    ScriptedFault(
-        "blocked, dated",
-        "reads of timestamped frames block for 2 s",
-        arrivals=_dated(0.0, _blocked),
-    ),
-    ScriptedFault(
-        "lag, dated",
-        "all timestamped frames come 1 s late",
-        FOREVER,
-        arrivals=_dated(0.0, _lag),
-    ),
+    ScriptedFault("blocked, dated", "reads of timestamped frames block for 2 s", arrivals=_dated(0.0, _blocked)),
+    ScriptedFault("lag, dated", "all timestamped frames come 1 s late", FOREVER, arrivals=_dated(0.0, _lag)),
     *(ScriptedFault(name, what, lasts_s, picture=alters) for name, what, lasts_s, alters in _PICTURES),
     ScriptedFault("clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=_dated(10.0)),
     ScriptedFault("clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=_dated(-10.0)),
@@ -300,9 +291,7 @@ LOOP: tuple[ScriptedFault, ...] = (
         needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
     ),
     ScriptedFault(
-        "touched early",
-        "a needle presses 5 mm into the skin without GO",
-        needle=TrackedNeedle(_touches, push_N=DENT_N),
+        "touched early", "a needle presses 5 mm into the skin without GO", needle=TrackedNeedle(_touches, push_N=DENT_N)
     ),
     ScriptedFault("filter diverges", "the filter's nodes are displaced by 110 mm", FOREVER, upsets=_thrown(THROWN_M)),
     ScriptedFault("filter NaN", "the filter's state is NaN", FOREVER, upsets=_thrown(np.nan)),

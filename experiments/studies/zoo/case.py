@@ -151,9 +151,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])
     start = replace(
-        body.network,
-        stiffness=body.network.stiffness * by_spring[:, 0],
-        damping=body.network.damping * by_spring[:, 1],
+        body.network, stiffness=body.network.stiffness * by_spring[:, 0], damping=body.network.damping * by_spring[:, 1]
     )
     if body.at_rest:
         start = fit_rest_lengths(start, body.network.positions)
