@@ -145,10 +145,7 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
 
 
 def lung_network(points: Floats, strand_n: float = STRAND_N) -> MassSpringNetwork:
-    """A network with nodes at these points [m], (n, 3). It has no gravity, and the points are its rest shape.
-
-    strand_n: stiffness of a spring times its length [N]
-    """
+    """A network without gravity, at rest in these points [m], (n, 3); strand_n: see `STRAND_N` [N]."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)

@@ -121,10 +121,7 @@ SCATTER_M = 0.63e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods: a lung, and the indices of the landmarks that are marks, (n_marks,).
-
-    strand_n: stiffness of a spring times its length [N]
-    """
+    """Input of all methods: a lung, the indices of its marks, (n_marks,), and strand_n, see `STRAND_N` [N]."""
 
     lung: Lung
     marks: NDArray[np.int64]

@@ -143,10 +143,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether any spring ever turns by more than 90 degrees from its direction at rest.
-
-    positions: positions of free nodes [m], (n_times, n_free, dim)
-    """
+    """Whether a spring ever turns by more than 90° from rest; positions: of free nodes [m], (n_times, n_free, dim)."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions
