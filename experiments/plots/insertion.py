@@ -101,12 +101,8 @@ def misses_figure(done: Trials) -> Figure:
     most = max((1e3 * one.miss_m for run in done.runs for one in run if one.miss_m is not None), default=0.0)
     radius = 1e3 * done.case.plan.lesion.radius_m
     ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
-    ax.set(
-        xlim=(0.0, min(FARTHEST_MM, 1.2 * max(radius, most))),
-        ylim=(0.0, 101.0),
-        xlabel="distance [mm]",
-        ylabel="runs within this distance [%]",
-    )
+    ax.set(xlim=(0.0, min(FARTHEST_MM, 1.2 * max(radius, most))), ylim=(0.0, 101.0))
+    ax.set(xlabel="distance [mm]", ylabel="runs within this distance [%]")
     legend_below(figure, ax, 2)
     return figure
 
@@ -136,10 +132,7 @@ def reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     if left_out:
         note = f"{left_out} in bins of fewer than {N_LEAST} left out"
         ax.text(0.98, 0.02, note, ha="right", va="bottom", fontsize=SMALL_PT, transform=ax.transAxes)
-    ax.set(
-        xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit [–]", ylabel="observed hit rate [–]"
-    )
-    ax.set_yticks(np.linspace(0.0, 1.0, 6))
-    ax.set_aspect("equal")
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.1), yticks=np.linspace(0.0, 1.0, 6), aspect="equal")
+    ax.set(xlabel="predicted probability of a hit [–]", ylabel="observed hit rate [–]")
     legend_below(figure, ax, 1)
     return figure

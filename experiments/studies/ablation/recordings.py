@@ -25,16 +25,8 @@ from experiments.studies.zoo.case import Case, assumed, measured
 class Recording:
     """Input of a filter, and the true positions of its targets.
 
-    Attributes
-    ----------
-    targets : sequence of str or TargetPoint
-        Hidden points.
-    frames : sequence of (float, sequence of MarkMeasurement)
-        Times [s] and marks.
-    truth : (n_frames, n_targets, dim)
-        Positions of the targets [m].
-    read_sd_m : float
-        Standard deviation of the error of `truth` on each axis [m].
+    targets: hidden points; frames: times [s] and marks
+    truth: positions of the targets [m], (n_frames, n_targets, dim); read_sd_m: sd of their error on each axis [m]
     """
 
     network: MassSpringNetwork

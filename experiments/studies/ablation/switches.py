@@ -28,16 +28,10 @@ Fields = Mapping[str, Any]
 class Switch:
     """A mechanism of the filter, and how to turn it off.
 
-    Attributes
-    ----------
-    code : str
-        Names of the mechanism's functions and classes in `estimators.core`, then the number of its other lines of code.
-    disturbances, discrepancy, settings : mapping
-        Changed fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
-    knows_constants : bool
-        Whether the filter considers the uncertainty of constants.
-    patches : mapping
-        Replacements of attributes in `estimators.core`, if no argument turns the mechanism off.
+    code: names of the mechanism's functions and classes in `estimators.core`, then the number of its other code lines
+    disturbances, discrepancy, settings: changed fields of the filter's arguments of these names
+    knows_constants: whether the filter considers the uncertainty of constants
+    patches: replacements of attributes in `estimators.core`, if no argument turns the mechanism off
     """
 
     code: str
