@@ -145,7 +145,8 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
         middle, reach = ends.mean(axis=0), 1e3 * (one.radius_m + one.margin_m)
         right = middle[0] >= path_x(middle[1])
         side = max(ends[:, 0]) + reach if right else min(ends[:, 0]) - reach
-        at, (beside, ha) = (float(side), float(middle[1])), (5, "left") if right else (-5, "right")
+        at = float(side), float(middle[1])
+        beside, ha = (5, "left") if right else (-5, "right")
         paper = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
         words = ax.annotate(one.name, at, (beside, 0), textcoords="offset points", va="center", bbox=paper)
         words.set(ha=ha, fontsize=SMALL_PT, zorder=7)
