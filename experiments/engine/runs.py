@@ -74,8 +74,7 @@ def importable(work: Work) -> Work:
         module = "" if spec is None else spec.name
     if not name.isidentifier() or not module:
         raise ValueError(f"{work}: expected a function at the top level of an importable module")
-    found: Work = getattr(importlib.import_module(module), name)
-    return found
+    return named_work(f"{module}:{name}")
 
 
 def name_of(work: Work) -> str:

@@ -20,7 +20,6 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 WORTH_S = 4.0
 """If a call of the map function takes WORTH_S [s], later calls use all cores; choice: processes start within 2 s."""
 
-
 NEEDED = "estimators"
 """Processes that are started in advance import this package first; its import takes most of their starting time."""
 

@@ -157,8 +157,9 @@ def run_study(
         for run in finished(partial(rows_of, work=shared), [cases[k] for k in left], workers):
             k = left[run.index]
             command = _noted(run, cases[k], keys[k], folder, name_of(shared))
-            own = {"failure": run.failure, "command": command, "program": source, "key": keys[k]}
-            parts.add(_kept_rows(run, cases[k], own))
+            own = {"seconds": None if math.isnan(run.seconds) else run.seconds, "failure": run.failure}
+            own |= {"command": command, "program": source, "key": keys[k]}
+            parts.add([{**columns_of(cases[k]), **row, **own} for row in run.result or [{}]])
             n_done += 1
             advance(n_done / len(keys))
     finally:
@@ -205,11 +206,6 @@ def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | Non
     record = {"work": name, "case": case, "failure": run.failure, "trace": run.trace.splitlines()}
     write_whole(path, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     return f"python -m experiments.engine {shlex.quote(str(path))}"
-
-
-def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict[str, Any]]:
-    seconds = None if math.isnan(run.seconds) else run.seconds
-    return [{**columns_of(case), **row, "seconds": seconds, **own} for row in run.result or [{}]]
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:

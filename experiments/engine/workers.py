@@ -56,13 +56,6 @@ class Workers:
         """Whether this process does the runs, without Dask."""
         return self.scheduler is None and self.n_processes == 1
 
-    @property
-    def n_local(self) -> int:
-        """Number of processes on this machine."""
-        from dask.system import CPU_COUNT
-
-        return CPU_COUNT if self.n_processes is None else self.n_processes
-
 
 OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
@@ -95,14 +88,15 @@ def connected(workers: Workers, module: str) -> Iterator[Client]:
         with client:
             yield client
         return
-    with local_cluster(workers.n_local, module) as cluster, Client(cluster) as client:
+    with local_cluster(workers.n_processes, module) as cluster, Client(cluster) as client:
         yield client
 
 
 @contextmanager
-def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
-    """A cluster of n_processes workers on this machine, each with one thread. Workers that die are replaced."""
+def local_cluster(n_processes: int | None, module: str) -> Iterator[LocalCluster]:
+    """A cluster of workers on this machine, each with one thread; None: one per core. Dead workers are replaced."""
     import dask
+    from dask.system import CPU_COUNT
     from distributed import LocalCluster
 
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
@@ -122,7 +116,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
         if method == "forkserver":
             _start_forkserver(module)
         with LocalCluster(
-            n_workers=n_processes,
+            n_workers=CPU_COUNT if n_processes is None else n_processes,
             threads_per_worker=1,
             processes=True,
             dashboard_address="127.0.0.1:0",  # any free port

@@ -179,7 +179,8 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
         if mark.fate is Fate.LOST:
             draw_dashes(canvas, ellipse_points(mark.expected_px, mark.shape_px), 6.0 * scale, colour, 2 * thin)
             if mark.candidate_px is not None:
-                _rejected(canvas, mark.expected_px, mark.candidate_px, colour, scale)
+                draw_segments(canvas, mark.candidate_px + 5.0 * scale * CROSS, colour, thin)
+                draw_dashes(canvas, np.stack([mark.expected_px, mark.candidate_px]), 3.0 * scale, colour, thin)
     if mark.center_px is None:
         return
     draw_line(canvas, ellipse_points(mark.center_px, mark.shape_px), colour, 2 * thin)
@@ -188,12 +189,6 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
         draw_line(canvas, ellipse_points(mark.center_px, reach), colour, thin)
     if mark.fate is Fate.REFUSED:
         draw_segments(canvas, mark.center_px + 1.2 * CROSS @ mark.shape_px.T, LIGHT, 2 * thin)
-
-
-def _rejected(canvas: Image, expected_px: Floats, candidate_px: Floats, colour: Colour, scale: float) -> None:
-    """Draw a small cross on a rejected detection, and a line to it from the mark's predicted position."""
-    draw_segments(canvas, candidate_px + 5.0 * scale * CROSS, colour, round(scale))
-    draw_dashes(canvas, np.stack([expected_px, candidate_px]), 3.0 * scale, colour, round(scale))
 
 
 def _target(canvas: Image, overlay: Overlay, scale: float) -> None:

@@ -6,6 +6,7 @@ Image axes: u right, v down, in pixels; world in metres. Results are NaN or zero
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -42,19 +43,16 @@ class PlaneView:
 
     def places(self, points_m: Floats) -> Floats:
         """Projection of points [m], (n, dim), to the picture [px], (n, 2)."""
-        finite = np.isfinite(points_m).all(axis=1)
-        try:
-            if finite.all():
+        with suppress(ValueError):
+            if np.isfinite(points_m).all():
                 return self.camera.project(points_m)
-        except ValueError:
-            pass
         return np.array([self._place(point) for point in points_m]).reshape(-1, 2)
 
     def _place(self, point_m: Floats) -> Floats:
-        try:
-            return self.camera.project(point_m[None])[0] if np.isfinite(point_m).all() else np.full(2, np.nan)
-        except ValueError:
-            return np.full(2, np.nan)
+        with suppress(ValueError):
+            if np.isfinite(point_m).all():
+                return self.camera.project(point_m[None])[0]
+        return np.full(2, np.nan)
 
     def line(self, ends_m: Floats) -> Floats:
         """Projection of the visible part of a line between two points [m], (2, dim): its ends [px], (2, 2).

@@ -213,8 +213,5 @@ def _needle(view: View, guidance: Guidance, plan: NeedlePlan) -> NeedleDrawn:
     left_m = guidance.depth_m if guidance.depth_m is not None else plan.needle.reach_m
     ahead = tip + max(left_m, 0.0) * insertion.axis
     behind = insertion.entry - max(left_m, plan.needle.reach_m) * insertion.axis
-    shaft_px = view.line(np.array([behind, tip]))
-    ahead_px = view.line(np.array([tip, ahead]))
-    if guidance.aim is None:
-        return NeedleDrawn(shaft_px, ahead_px)
-    return NeedleDrawn(shaft_px, ahead_px, *view.seen(guidance.aim, guidance.cov))
+    aim = (None, None) if guidance.aim is None else view.seen(guidance.aim, guidance.cov)
+    return NeedleDrawn(view.line(np.array([behind, tip])), view.line(np.array([tip, ahead])), *aim)

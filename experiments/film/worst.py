@@ -12,6 +12,7 @@ from estimators import Status
 from experiments.film.overlay import LIGHT, Fate, Overlay, wrapped
 from experiments.film.strokes import draw_text, text_height
 from experiments.pipeline.scores.marks import REFUSED
+from experiments.plain import counted
 from vision.arrays import Image
 
 TILE_PX = 640
@@ -61,12 +62,10 @@ class WorstFrames:
         if not kinds:
             return None
         kinds.sort(key=lambda kind: (SEVERE.index(Status(kind[0])), -self._stills[kind].count))
-        return side_by_side([self._captioned(kind) for kind in kinds])
-
-    def _captioned(self, kind: tuple[str, str]) -> Image:
-        still = self._stills[kind]
-        pictures = "picture" if still.count == 1 else "pictures"
-        return captioned(still.picture, f"{still.count} {pictures}: {', '.join(word for word in kind if word)}")
+        stills = {", ".join(filter(None, kind)): self._stills[kind] for kind in kinds}
+        return side_by_side(
+            [captioned(one.picture, f"{counted(one.count, 'picture')}: {k}") for k, one in stills.items()]
+        )
 
 
 def captioned(picture: Image, text: str) -> Image:

@@ -83,7 +83,8 @@ def advice_figure(done: Advised) -> Figure:
     """
     rows, reasons = table(done), reasons_of(done)
     lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
-    missed = _misses_change(done, lateral_mm)
+    known_mm = lateral_mm[np.isfinite(lateral_mm)]
+    missed = len(known_mm) > 0 and float(np.ptp(known_mm)) > STEADY * 1e3 * done.plan.lesion.radius_m
     parts = [46.0, *([26.0] if missed else []), LANE_MM * len(reasons)]
     in_space = done.recording.scene.network.dim == 3
     heights = [*parts, *([VIEW_MM] if in_space else [])]
@@ -99,8 +100,8 @@ def advice_figure(done: Advised) -> Figure:
     if missed:
         edge = _misses(done, over_time[1], lateral_mm)
         shown[str(edge.get_label())] = edge
-    else:
-        over_time[0].set_title(_constant_miss(lateral_mm))
+    elif len(known_mm):
+        over_time[0].set_title(f"lateral miss {known_mm.min():.1f} to {known_mm.max():.1f} mm")
     _reasons(done, over_time[-1], reasons)
     over_time[-1].set_xlabel("time [s]")
     span(over_time[-1], np.array(done.times_s))
@@ -158,16 +159,6 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
 def _differ(rows: pd.DataFrame, column: str) -> bool:
     """Whether the probability in a column differs visibly from that of an immediate insertion, in any frame."""
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
-
-
-def _misses_change(done: Advised, lateral_mm: Floats) -> bool:
-    known = lateral_mm[np.isfinite(lateral_mm)]
-    return len(known) > 0 and float(np.ptp(known)) > STEADY * 1e3 * done.plan.lesion.radius_m
-
-
-def _constant_miss(lateral_mm: Floats) -> str:
-    known = lateral_mm[np.isfinite(lateral_mm)]
-    return f"lateral miss {known.min():.1f} to {known.max():.1f} mm" if len(known) else ""
 
 
 def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:

@@ -48,12 +48,20 @@ def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None)
     If all bins of reliability.png or advised.png have fewer than `N_LEAST` insertions, this plot is omitted.
     vector: "pdf" or "svg" for a vector file of each plot
     """
-    drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
-    bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}
-    for name, figure in drawn.items():
-        if name in bins_of and all(row.n < N_LEAST for row in bins_of[name]):
-            continue  # no bin has enough insertions
-        write_picture(figure(done), folder / f"{name}.png", vector)
+    pictures = {"hits": hits_figure(done), "misses": misses_figure(done)}
+    for name, (rows, title) in reliabilities(done).items():
+        if any(row.n >= N_LEAST for row in rows):
+            pictures[name] = reliability_figure(rows, title)
+    for name, figure in pictures.items():
+        write_picture(figure, folder / f"{name}.png", vector)
+
+
+def reliabilities(done: Trials) -> dict[str, tuple[Sequence[ReliabilityBin], str]]:
+    """Bins and title of each `reliability_figure`, by the name of its file; see `calibrated` and `bins`."""
+    return {
+        "reliability": (calibrated(done), "filter-ahead at the commitment, in ten bins"),
+        "advised": (bins(done.advised), "advice at any time, in ten bins"),
+    }
 
 
 @styled
@@ -93,31 +101,14 @@ def misses_figure(done: Trials) -> Figure:
     most = max((1e3 * one.miss_m for run in done.runs for one in run if one.miss_m is not None), default=0.0)
     radius = 1e3 * done.case.plan.lesion.radius_m
     ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
-    ax.set(
-        xlim=(0.0, min(FARTHEST_MM, 1.2 * max(radius, most))),
-        ylim=(0.0, 101.0),
-        xlabel="distance [mm]",
-        ylabel="runs within this distance [%]",
-    )
+    ax.set(xlim=(0.0, min(FARTHEST_MM, 1.2 * max(radius, most))), ylim=(0.0, 101.0))
+    ax.set(xlabel="distance [mm]", ylabel="runs within this distance [%]")
     legend_below(figure, ax, 2)
     return figure
 
 
-def reliability_figure(done: Trials) -> Figure:
-    """Plot of the observed hit rate against the hit probability that `filter-ahead` predicts when it starts to insert.
-
-    In each run the radius of the lesion is random.
-    """
-    return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
-
-
-def advised_figure(done: Trials) -> Figure:
-    """Plot of the observed hit rate of immediate insertions against the hit probability that the advice predicted."""
-    return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
-
-
 @styled
-def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
+def reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     """Plot of the observed hit rate against the predicted hit probability, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)
@@ -141,10 +132,7 @@ def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     if left_out:
         note = f"{left_out} in bins of fewer than {N_LEAST} left out"
         ax.text(0.98, 0.02, note, ha="right", va="bottom", fontsize=SMALL_PT, transform=ax.transAxes)
-    ax.set(
-        xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit [–]", ylabel="observed hit rate [–]"
-    )
-    ax.set_yticks(np.linspace(0.0, 1.0, 6))
-    ax.set_aspect("equal")
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.1), yticks=np.linspace(0.0, 1.0, 6), aspect="equal")
+    ax.set(xlabel="predicted probability of a hit [–]", ylabel="observed hit rate [–]")
     legend_below(figure, ax, 1)
     return figure

@@ -204,10 +204,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """Draw 2-sigma ellipses of some frames; returns how many are drawn, and how many are omitted as too large.
-
-    If no consistent marks support an estimate, its ellipse is faint.
-    """
+    """Draw 2-sigma ellipses of some frames, see `FAINT`; returns how many are drawn, and omitted as too large."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}
@@ -220,10 +217,7 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 
 
 def _film(done: Track, ax: Axes) -> bool:
-    """Draw the part of the film's first frame that shows the network.
-
-    Returns False if there is no film, or if the picture's axes are not parallel to the plot's axes.
-    """
+    """Draw the film's first frame around the network; False without a film, or if its axes are not the plot's."""
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
         return False

@@ -145,17 +145,11 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
         middle, reach = ends.mean(axis=0), 1e3 * (one.radius_m + one.margin_m)
         right = middle[0] >= path_x(middle[1])
         side = max(ends[:, 0]) + reach if right else min(ends[:, 0]) - reach
-        ax.annotate(
-            one.name,
-            (float(side), float(middle[1])),
-            (5 if right else -5, 0),
-            textcoords="offset points",
-            ha="left" if right else "right",
-            va="center",
-            fontsize=SMALL_PT,
-            zorder=7,
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
-        )
+        at = float(side), float(middle[1])
+        beside, ha = (5, "left") if right else (-5, "right")
+        paper = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+        words = ax.annotate(one.name, at, (beside, 0), textcoords="offset points", va="center", bbox=paper)
+        words.set(ha=ha, fontsize=SMALL_PT, zorder=7)
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
@@ -185,8 +179,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
     """Draw the path of highest hit probability from each entry; the best and the next best paths have thicker lines."""
-    found = done.plan
-    n_aims = done.task.n_aims
+    found, n_aims = done.plan, done.task.n_aims
     shown = [
         min(range(i, i + n_aims), key=lambda k: (bool(found.reasons[k]), -found.hits[k]))
         for i in range(0, len(found.hits), n_aims)
@@ -207,22 +200,12 @@ def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
         ax.plot(*ends.T, solid_capstyle="round", label=name, color=color, lw=width, zorder=6 if best else 5)
         if best and view is FLAT:
             above = ends[0] - ends[1]
-            above = above / max(1e-9, float(np.linalg.norm(above)))
-            ax.annotate(
-                f"enter at ({_place(found.entries[k])}) mm\n{1e3 * found.lengths[k]:.0f} mm deep"
-                f"\nhit {found.hits[k]:.0%}",
-                _xy(ends[0]),
-                _xy(14.0 * above + [0.0, 4.0]),
-                textcoords="offset points",
-                ha="center",
-                va="bottom",
-                color=BEST,
-                fontweight="bold",
-                fontsize=SMALL_PT,
-                zorder=8,
-                arrowprops={"arrowstyle": "-|>", "color": BEST, "lw": 1.5},
-                bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": BEST, "alpha": 0.95},
-            )
+            offset = _xy(14.0 * (above / max(1e-9, float(np.linalg.norm(above)))) + [0.0, 4.0])
+            depth, arrow = f"{1e3 * found.lengths[k]:.0f} mm deep", {"arrowstyle": "-|>", "color": BEST, "lw": 1.5}
+            text = f"enter at ({_place(found.entries[k])}) mm\n{depth}\nhit {found.hits[k]:.0%}"
+            paper = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": BEST, "alpha": 0.95}
+            words = ax.annotate(text, _xy(ends[0]), offset, textcoords="offset points", arrowprops=arrow, bbox=paper)
+            words.set(ha="center", va="bottom", color=BEST, fontweight="bold", fontsize=SMALL_PT, zorder=8)
 
 
 def _lesion(done: Planned, view: View, ax: Axes, chosen: list[int], *, close: bool) -> None:
@@ -255,30 +238,21 @@ def _aimed(done: Planned, view: View, ax: Axes, k: int) -> None:
     ends = view.seen_mm(np.array([found.entries[k], found.tips[k]]))
     ax.plot(*ends.T, color=BEST, lw=2.8, zorder=5)
     ax.plot(*ends[1], marker="o", ms=5, mfc="white", mec=BEST, mew=1.8, zorder=8)
-    ax.annotate(
-        "",
-        _xy(there),
-        _xy(mean),
-        zorder=9,
-        arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 1.6, "shrinkA": 0, "shrinkB": 0},
-    )
+    arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", _xy(there), _xy(mean), zorder=9, arrowprops=arrow)
 
 
 def _close_up(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
     lesion, found = done.lesion, done.plan
-    places = [view.seen_mm(lesion.mean)]
-    reach = 1e3 * lesion.radius_m
-    widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(lesion.cov)[-1]))
+    places, cov, title = [view.seen_mm(lesion.mean)], lesion.cov, "at the lesion: no path is allowed"
     if chosen:
         k = chosen[0]
         places.append(view.seen_mm(found.means[k]))
-        widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(found.covs[k])[-1]))
-        moved = 1e3 * float(np.linalg.norm(found.pushed[k]))
-        title = f"at the lesion, pushed by {moved:.1f} mm (arrow)"
-    else:
-        title = "at the lesion: no path is allowed"
+        cov = found.covs[k]
+        title = f"at the lesion, pushed by {1e3 * float(np.linalg.norm(found.pushed[k])):.1f} mm (arrow)"
+    widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(cov)[-1]))
     middle = np.mean(places, axis=0)
-    reach = 1.15 * (max(reach, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
+    reach = 1.15 * (max(1e3 * lesion.radius_m, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
     ax.set(xlim=(middle[0] - 1.9 * reach, middle[0] + 1.9 * reach), ylim=(middle[1] - 1.5 * reach, middle[1] + reach))
     ax.set_title(title)
 
@@ -316,17 +290,11 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     text = "\n".join(lines[:6])
     ax.text(0.0, 0.89, text, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
-        rows = [
-            [
-                "best" if rank == 0 else f"{rank + 1}",
-                _place(found.entries[k]),
-                f"{1e3 * found.lengths[k]:.0f}",
-                f"{np.degrees(found.angles[k]):.0f}°",
-                f"{found.hits[k]:.0%}",
-                "–" if not np.isfinite(found.clearance[k]) else f"{1e3 * found.clearance[k]:.1f}",
-            ]
-            for rank, k in enumerate(chosen)
-        ]
+        rows = []
+        for rank, k in enumerate(chosen):
+            angle, room = f"{np.degrees(found.angles[k]):.0f}°", 1e3 * found.clearance[k]
+            row = ["best" if rank == 0 else f"{rank + 1}", _place(found.entries[k]), f"{1e3 * found.lengths[k]:.0f}"]
+            rows.append([*row, angle, f"{found.hits[k]:.0%}", f"{room:.1f}" if np.isfinite(room) else "–"])
         heads = ["mm", f"entry {', '.join(AXES[: done.scene.network.dim])}", "depth", "angle", "hit", "room"]
         shown = ax.table(
             rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.43), cellLoc="center", edges="horizontal"

@@ -39,10 +39,7 @@ def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]
 
 
 def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
-    """Colour the background of each frame by its kind, which is a status or an advice; some kinds have no colour.
-
-    The label of a band is its kind.
-    """
+    """Colour each frame's background by its kind, a status or an advice, and label it; some kinds have no colour."""
     for kind, colour in colours.items():
         spans = spans_of(times_s, [one == kind for one in kinds])
         if spans:

@@ -99,9 +99,8 @@ def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, obje
     """Predicted and observed hit rates: of all insertions, of insertions after GO, and in bins of the probability."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
-    advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
     return {
-        "advice": advice,
+        "advice": {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice},
         **_compared(known, ""),
         **_compared(go, "go_"),
         "bins": [asdict(row) for row in bins(runs)],

@@ -42,11 +42,7 @@ class Trials:
 
 
 def insert(
-    case: Case,
-    n_runs: int,
-    advance: Callable[[float], None] = lambda _share: None,
-    *,
-    workers: Workers = OWN_PROCESS,
+    case: Case, n_runs: int, advance: Callable[[float], None] = lambda _share: None, *, workers: Workers = OWN_PROCESS
 ) -> Trials:
     """Try every policy in n_runs worlds with successive seeds. Raises InputError for an impossible scenario."""
     jobs = [replace(case, seed=case.seed + k) for k in range(n_runs)]

@@ -72,10 +72,8 @@ def _imported(path: Path) -> Iterator[str]:
 
 def layers_of(package: str) -> list[list[str]]:
     """Names of a package's sub-packages in the layers of the import contract, top layer first."""
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
-    own = next(one for one in contracts if one.get("containers") == [package])
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    own = next(one for one in tools["importlinter"]["contracts"] if one.get("containers") == [package])
     layers = [[name.strip() for name in layer.split("|")] for layer in own["layers"]]
     inside = [[name for name in layer if (ROOT / package / name / "__init__.py").exists()] for layer in layers]
     return [layer for layer in inside if layer]
@@ -167,9 +165,8 @@ def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], **s
     from matplotlib.patches import FancyArrowPatch
 
     scale = 8.0 + 5.0 * style["linewidth"]
-    axes.add_patch(
-        FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=scale, shrinkA=0, shrinkB=0, zorder=2, **style)
-    )
+    style |= {"arrowstyle": "-|>", "mutation_scale": scale, "shrinkA": 0, "shrinkB": 0, "zorder": 2}
+    axes.add_patch(FancyArrowPatch(start, end, **style))
 
 
 def main() -> None:

@@ -80,7 +80,6 @@ from vision.arrays import Image
 
 Report = dict[str, dict[str, float] | list[dict[str, float]]]
 Moments = tuple[Floats, Floats]
-Groups = Sequence[Sequence[str]]
 
 SUB_STEPS = 4
 """Number of Runge-Kutta steps per frame in the reference filter with plain NumPy."""
@@ -153,7 +152,7 @@ def filter_step() -> dict[str, float]:
     return found | {"ratio": plain_ms / ours_ms, "ratio_compiled": compiled_ms / ours_ms}
 
 
-def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
+def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Sequence[Sequence[str]]) -> float:
     """Median time per frame [ms] of the filter together with the assignment of marks to the nodes in each group."""
     identity = AssociationFilter(tissue, groups)
 

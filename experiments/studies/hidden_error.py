@@ -23,10 +23,7 @@ SEEDS = range(100, 100 + N_RUNS)
 
 
 def study(scenario: str, seeds: range, given: argparse.Namespace | None = None) -> dict[str, float]:
-    """Run a scenario with all seeds; returns the figures of `experiments.studies.estimation.study.figures`.
-
-    given: options of `study_options`; None: one process per core
-    """
+    """Run a scenario with all seeds; returns `experiments.studies.estimation.study.figures`. given: see `runs_of`."""
     with tempfile.TemporaryDirectory() as cache:
         done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], given)
     return figures(pd.DataFrame([row_of(one) for one in done]))

@@ -131,17 +131,10 @@ def _moduli(K: csc_array, lattice: Lattice) -> Row:
     named |= {f"free_sided_{name}_pa": value for name, value in zip(AXES, free, strict=True)}
     for key, values in (("shear_{}_pa", found.shear), ("poisson_{}", found.poisson)):
         named |= {key.format(name): value for name, value in zip(PLANES, values, strict=True)}
-    return {key: float(value) for key, value in named.items()} | {
-        "bulk_pa": found.bulk,
-        "anisotropy": found.anisotropy,
-    }
+    return {key: float(value) for key, value in named.items()} | {"bulk_pa": found.bulk, "anisotropy": found.anisotropy}
 
 
-WORDS = {
-    "van_gelder": "Van Gelder",
-    "lloyd": "Lloyd",
-    "fitted": "fitted to other boxes",
-}
+WORDS = {"van_gelder": "Van Gelder", "lloyd": "Lloyd", "fitted": "fitted to other boxes"}
 """Column headings of the methods in the table of errors. The method `own` has no column, as its errors are zero."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
@@ -241,12 +234,9 @@ def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
         region[lattice.edges[lattice.mesh.regions == k]] = k
     for k, color in enumerate(COLORS[: len(tissues)]):
         own = near & (region == k)
-        ax.add_collection(
-            LineCollection(list(ends[own][:, :, [0, 2]]), colors=color, linewidths=0.4 if k == 0 else 0.8)
-        )
-    side = 1e3 * SIDE_M
-    ax.set(xlim=(-0.5, side + 0.5), ylim=(-0.5, side + 0.5), aspect="equal", xlabel="x [mm]", xticks=(0, 12, 24))
-    ax.set(yticks=(0, 12, 24))
+        ax.add_collection(LineCollection(list(ends[own][:, :, [0, 2]]), colors=color, lw=0.4 if k == 0 else 0.8))
+    limits, ticks = (-0.5, 1e3 * SIDE_M + 0.5), (0, 12, 24)
+    ax.set(xlim=limits, ylim=limits, aspect="equal", xlabel="x [mm]", xticks=ticks, yticks=ticks)
 
 
 def _draw_moduli(ax: Axes, young_kpa: pd.DataFrame) -> None:
@@ -287,13 +277,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rows = pd.DataFrame([row for box in runs_of(tested, jobs, given) for row in box])
         means = summary(rows)
         page = tables(means)
-        methods = {kind: json.loads(means.loc[kind].to_json(orient="index")) for kind in kinds}
         content = {
             "cells": given.cells,
             "fitted_seeds": list(FITTED_SEEDS),
             "seeds": list(seeds_of(given)),
             "factors": {kind: own.tolist() for kind, own in factors.items()},
-            "methods": methods,
+            "methods": {kind: json.loads(means.loc[kind].to_json(orient="index")) for kind in kinds},
         }
         write_whole(folder / "summary.json", json.dumps(content, indent=2) + "\n")
         write_whole(folder / "rows.csv", rows.to_csv(index=False))

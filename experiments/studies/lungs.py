@@ -60,8 +60,7 @@ class Lung:
         """Indices of landmarks on the hull: n landmarks that are far from each other, or all landmarks if n is None."""
         if n is None or n >= len(self.hull):
             return self.hull
-        places = self.positions[0][self.hull]
-        return self.hull[far_apart(places, n)]
+        return self.hull[far_apart(self.positions[0][self.hull], n)]
 
 
 def read_lungs(folder: Path) -> list[Lung]:
@@ -125,20 +124,12 @@ def _lung(path: Path, side: str, positions: Floats) -> Lung:
     return Lung(f"{path.stem} {side}", positions, hull, inner)
 
 
-@dataclass(frozen=True, slots=True)
-class LungConstants:
-    """Constants of the network of a lung, the same for all lungs.
-
-    strand_n: stiffness of a spring times its length [N]; choice: 2 kPa times 20 mm x 20 mm, as for a strand of tissue
-    damping_s: ratio of a spring's damping to its stiffness [s]; choice
-    mass_kg: mass of a lung, spread evenly over its landmarks [kg]; choice
-    reading_sd_m: sd of a landmark's measured position on each axis [m]; source: two persons differ by about 1 mm
-    """
-
-    strand_n: float = 0.8
-    damping_s: float = 0.1
-    mass_kg: float = 0.5
-    reading_sd_m: float = 1e-3
+STRAND_N = 0.8
+"""Stiffness of a spring times its length [N]; choice: 2 kPa times 20 mm x 20 mm, as for a strand of tissue."""
+DAMPING_S, MASS_KG = 0.1, 0.5
+"""Ratio of a spring's damping to its stiffness [s]; mass of a lung, spread evenly over its landmarks [kg]; choice."""
+READING_SD_M = 1e-3
+"""Sd of a landmark's measured position on each axis [m]; source: two persons differ by about 1 mm."""
 
 
 def node_name(landmark: int) -> str:
@@ -153,19 +144,19 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
     return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
 
 
-def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
-    """A network with nodes at these points [m], (n, 3). It has no gravity, and the points are its rest shape."""
+def lung_network(points: Floats, strand_n: float = STRAND_N) -> MassSpringNetwork:
+    """A network without gravity, at rest in these points [m], (n, 3); strand_n: see `STRAND_N` [N]."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
-    stiffness = constants.strand_n / lengths
+    stiffness = strand_n / lengths
     return build_network(
         list(map(node_name, range(n))),
         points,
         springs.tolist(),
         stiffness=stiffness,
-        damping=constants.damping_s * stiffness,
-        masses=constants.mass_kg / n,
+        damping=DAMPING_S * stiffness,
+        masses=MASS_KG / n,
         rest_lengths=lengths,
         gravity=np.zeros(3),
     )
@@ -200,28 +191,28 @@ def inner_landmarks(job: tuple[Lung, str]) -> pd.DataFrame:
 
     filter_mm, nees: error and NEES of the filter; if the filter failed, they are NaN, and `failure` has the reason
     """
-    (lung, seen), constants = job, LungConstants()
-    filtered = followed_lung(lung, lung.seen(SEEN[seen]), constants)
+    lung, seen = job
+    filtered = followed_lung(lung, lung.seen(SEEN[seen]))
     found = by_spline(lung, seen).assign(filter_mm=np.nan, nees=np.nan, failure="")
     if filtered.failure:
         return found.assign(failure=f"not possible yet: {filtered.failure}")
     errors = (filtered.means[1:] - lung.positions[1:, lung.inner]).reshape(-1, 3)
     # a person has measured the true position, so that it has an error, too
-    read = filtered.covs[1:].reshape(-1, 3, 3) + constants.reading_sd_m**2 * np.eye(3)
+    read = filtered.covs[1:].reshape(-1, 3, 3) + READING_SD_M**2 * np.eye(3)
     return found.assign(filter_mm=1e3 * np.linalg.norm(errors, axis=1), nees=normalised_error_squared(errors, read))
 
 
-def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
+def lung_frames(lung: Lung, marked: NDArray[np.int64]) -> Frames:
     """Frames of a lung, one for each phase; marked: indices of the landmarks that are marks."""
-    return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
+    return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], READING_SD_M)
 
 
-def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
+def followed_lung(lung: Lung, marked: NDArray[np.int64]) -> Followed:
     """The filter's estimates of a lung's inner landmarks."""
-    network = lung_network(lung.positions[0], constants)
+    network = lung_network(lung.positions[0])
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])
-    return followed(begun, network, inner, lung_frames(lung, marked, constants.reading_sd_m))
+    return followed(begun, network, inner, lung_frames(lung, marked))
 
 
 HEAD = (

@@ -22,15 +22,7 @@ import pandas as pd
 from experiments.engine.runs import Case
 from experiments.engine.study import OWN
 from experiments.formats.outputs import write_whole
-from experiments.studies.grid import (
-    command,
-    grid,
-    kept_runs,
-    print_figures,
-    runs_of,
-    seeds_of,
-    study_options,
-)
+from experiments.studies.grid import command, grid, kept_runs, print_figures, runs_of, seeds_of, study_options
 from experiments.studies.real_balls import PxFollower
 from vision import (
     Disc,
@@ -92,15 +84,15 @@ def run(case: Case) -> list[dict[str, object]]:
             found = {}
         for k, name in enumerate(names):
             truth = one.frame.centers_px[k]
-            row: dict[str, object] = {"frame": one.index, "mark": name}
-            row |= {"visible": float(one.frame.visible[k]), "found": name in found}
+            visible = float(one.frame.visible[k])
+            row: dict[str, object] = {"frame": one.index, "mark": name, "visible": visible, "found": name in found}
             if name in found:
                 seen = found[name]
                 center = seen.center_px - camera.disc_shift(camera.to_plane(seen.center_px), radius_m)[0]
                 away = np.linalg.norm(one.frame.centers_px - center, axis=1)
+                false = bool(away[k] > radius_px[k])
                 row |= {"du": center[0] - truth[0], "dv": center[1] - truth[1]}
                 row |= {"uu": seen.cov_px2[0, 0], "vv": seen.cov_px2[1, 1], "occluded": seen.occluded}
-                false = bool(away[k] > radius_px[k])
                 row |= {"far": bool(away[k] > FAR_PX), "false": false}
                 row |= {"swapped": false and bool((away < radius_px).any())}
             rows.append(row)
@@ -109,12 +101,10 @@ def run(case: Case) -> list[dict[str, object]]:
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
     """Figures of detection, from the rows of one of `LEVELS`."""
-    visible = rows[rows.visible > VISIBLE]
-    seen = visible[visible.found.astype(bool)]
+    visible, named = rows[rows.visible > VISIBLE], rows[rows.found.astype(bool)]
+    seen = named[named.visible > VISIBLE]
     right = seen[~seen.false.astype(bool)]
-    errors = right[["du", "dv"]].to_numpy(dtype=float)
-    variance = right[["uu", "vv"]].to_numpy(dtype=float)
-    named = rows[rows.found.astype(bool)]
+    errors, variance = (right[columns].to_numpy(dtype=float) for columns in (["du", "dv"], ["uu", "vv"]))
     n_frames = len(rows.drop_duplicates(["seed", "frame"]))
     return {
         "frames": n_frames,

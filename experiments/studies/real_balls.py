@@ -61,7 +61,6 @@ FILMS = {
     "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 950.0, 0.05, 0.1),
 }
 
-
 START_SD_PX = 5.0
 """Standard deviation of the given positions in the first frame on each axis [px]; choice."""
 GONE = 10
@@ -80,10 +79,7 @@ class PxFollower:
     """
 
     def __init__(
-        self,
-        hues: Mapping[str, MarkHue],
-        jolt_px: float,
-        starts_px: Mapping[str, Floats] | None = None,
+        self, hues: Mapping[str, MarkHue], jolt_px: float, starts_px: Mapping[str, Floats] | None = None
     ) -> None:
         self.finder = MarkFinder(hues.values())
         self._hues, self._jolt_px = hues, jolt_px

@@ -42,7 +42,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.outputs import output_folder
-from experiments.formats.recording import Recording, read_recording, write_frames_csv, write_marks_csv
+from experiments.formats.recording import read_recording, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track
@@ -216,9 +216,7 @@ def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.boo
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
-        []
-        if kept_back
-        else [MarkRow(m.node, m.position, float(np.sqrt(np.trace(m.cov) / len(m.position)))) for m in step.marks]
+        [MarkRow(m.node, m.position, float(np.sqrt(np.trace(m.cov) / 2))) for m in ([] if kept_back else step.marks)]
         for step, kept_back in zip(seen.steps, hidden, strict=True)
     ]
     write_scene(seen.recording.scene, folder / "scene.toml")
@@ -283,10 +281,8 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
         ax.imshow(image)
         hidden = withheld_frames(run.times_s, offset_s)
         places = camera.project(np.array([step.marks[0].position for step in seen.steps]))
-        means = camera.project(np.array([e.mean for e in run.estimates(FILTER)]))
-        covs = camera.cov_to_px(
-            np.array([e.mean for e in run.estimates(FILTER)]), np.array([e.cov for e in run.estimates(FILTER)])
-        )
+        means_m, covs_m2 = (np.array([getattr(e, key) for e in run.estimates(FILTER)]) for key in ("mean", "cov"))
+        means, covs = camera.project(means_m), camera.cov_to_px(means_m, covs_m2)
         for k in np.flatnonzero(hidden)[2::4]:
             ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=0.6))
             ax.plot(*np.stack([means[k], places[k]]).T, color=OURS, lw=0.4)
@@ -303,8 +299,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")
-        recording: Recording = read_recording(folder / "recording")
-        seen = track(recording)
+        seen = track(read_recording(folder / "recording"))
         found = sum(bool(step.marks) for step in seen.steps)
         if found < len(seen.steps):
             raise InputError(f"{film}: expected the ball in all {len(seen.steps)} frames, found it in {found}")

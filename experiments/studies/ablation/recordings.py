@@ -17,7 +17,7 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.study import perturbed
 from experiments.studies.estimation.trials import Model, Trial, seen
 from experiments.studies.honesty import recorded
-from experiments.studies.lungs import LungConstants, lung_frames, lung_network, node_name, read_lungs
+from experiments.studies.lungs import READING_SD_M, lung_frames, lung_network, node_name, read_lungs
 from experiments.studies.zoo.case import Case, assumed, measured
 
 
@@ -25,16 +25,8 @@ from experiments.studies.zoo.case import Case, assumed, measured
 class Recording:
     """Input of a filter, and the true positions of its targets.
 
-    Attributes
-    ----------
-    targets : sequence of str or TargetPoint
-        Hidden points.
-    frames : sequence of (float, sequence of MarkMeasurement)
-        Times [s] and marks.
-    truth : (n_frames, n_targets, dim)
-        Positions of the targets [m].
-    read_sd_m : float
-        Standard deviation of the error of `truth` on each axis [m].
+    targets: hidden points; frames: times [s] and marks
+    truth: positions of the targets [m], (n_frames, n_targets, dim); read_sd_m: sd of their error on each axis [m]
     """
 
     network: MassSpringNetwork
@@ -82,11 +74,11 @@ def _four_masses(outliers: float, model: Callable[[int], Model], seconds: float)
 
 def lung(folder: Path) -> Recording:
     """Recording of the first lung in the folder, with ten landmarks on its hull as marks."""
-    one, constants = read_lungs(folder)[0], LungConstants()
-    marked, sd_m = one.seen(10), constants.reading_sd_m
+    one = read_lungs(folder)[0]
+    marked = one.seen(10)
     seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
-    network, truth = lung_network(one.positions[0], constants), one.positions[:, one.inner]
-    return Recording(network, seen, hidden, lung_frames(one, marked, sd_m), truth, read_sd_m=sd_m)
+    network, truth = lung_network(one.positions[0]), one.positions[:, one.inner]
+    return Recording(network, seen, hidden, lung_frames(one, marked), truth, read_sd_m=READING_SD_M)
 
 
 BODIES: Mapping[str, Callable[[int], Recording]] = {

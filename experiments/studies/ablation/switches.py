@@ -28,16 +28,10 @@ Fields = Mapping[str, Any]
 class Switch:
     """A mechanism of the filter, and how to turn it off.
 
-    Attributes
-    ----------
-    code : str
-        Names of the mechanism's functions and classes in `estimators.core`, then the number of its other lines of code.
-    disturbances, discrepancy, settings : mapping
-        Changed fields of the filter's arguments `disturbances`, `discrepancy` and `settings`.
-    knows_constants : bool
-        Whether the filter considers the uncertainty of constants.
-    patches : mapping
-        Replacements of attributes in `estimators.core`, if no argument turns the mechanism off.
+    code: names of the mechanism's functions and classes in `estimators.core`, then the number of its other code lines
+    disturbances, discrepancy, settings: changed fields of the filter's arguments of these names
+    knows_constants: whether the filter considers the uncertainty of constants
+    patches: replacements of attributes in `estimators.core`, if no argument turns the mechanism off
     """
 
     code: str
@@ -82,12 +76,7 @@ def _length(name: str) -> int:
     return len(inspect.getsource(getattr(found, "py_func", found)).splitlines())
 
 
-_move = HypothesisFilter._move
-
-
-def _without_error(own: HypothesisFilter, before: Any, reference: Any, error: Any = None) -> None:
-    _move(own, before, reference)
-
+MOVE = HypothesisFilter._move
 
 LEVELS = (
     "discrepancy.LevelPosterior discrepancy.WithheldGroups kernels.withheld_log_likelihoods"
@@ -127,7 +116,9 @@ SWITCHES: Mapping[str, Switch] = {
     "second linearisation": Switch(
         "filter.HypothesisFilter._fitted tissue.TissueProcess.moved 20", patches={"tissue.TOLERANCE": np.inf}
     ),
-    "linearisation error as noise": Switch("6", patches={"filter.HypothesisFilter._move": _without_error}),
+    "linearisation error as noise": Switch(
+        "6", patches={"filter.HypothesisFilter._move": lambda own, before, at, error=None: MOVE(own, before, at)}
+    ),
     "start under forces": Switch("tissue.TissueProcess._prior_of_motion 6", patches={"tissue.DISPLACED": 0.0}),
     "considered constants": Switch(
         "motion.network.NetworkMotion._moved_by_constants motion.network.NetworkMotion._accelerations 20",

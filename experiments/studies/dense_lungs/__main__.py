@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +22,9 @@ from estimators import coverage, normalised_error_squared
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.page import markdown_table
-from experiments.studies.dense_lungs.methods import METHODS, WHERE, DenseConstants, Lung, Task, read_lungs
+from experiments.studies.dense_lungs.methods import METHODS, SCATTER_M, WHERE, Lung, Task, read_lungs
 from experiments.studies.grid import command, grid, publish, runs_of, study_options
+from experiments.studies.lungs import STRAND_N
 
 COUNTS = (10, 20, 40, 80)
 """Numbers of marks per lung."""
@@ -79,14 +79,14 @@ def _number(value: float, form: str) -> str:
     return "" if np.isnan(value) else form.format(value)
 
 
-def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
-    """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, constants.
+def run(job: tuple[Lung, str, int, float]) -> pd.DataFrame:
+    """Run all methods; job: lung, place of the marks (one of `WHERE`), number of marks, `Task.strand_n` [N].
 
     Returns a row for each method and each hidden landmark: the error, the NEES, and if the method failed, the reason.
     Methods without a covariance have no NEES.
     """
-    lung, where, n, constants = job
-    task = Task(lung, lung.marks(n, where), constants)
+    lung, where, n, strand_n = job
+    task = Task(lung, lung.marks(n, where), strand_n)
     truth = lung.exhaled[lung.hidden]
     parts = []
     for name, method in METHODS.items():
@@ -95,7 +95,7 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> pd.DataFrame:
             found = method(task)
             part["error_mm"] = 1e3 * np.linalg.norm(found.means - truth, axis=1)
             if found.covs is not None:  # the true position has an error, too
-                read = found.covs + constants.scatter_m**2 * np.eye(3)
+                read = found.covs + SCATTER_M**2 * np.eye(3)
                 part["nees"] = normalised_error_squared(found.means - truth, read)
         except Exception as error:  # any exception that a method raises is a result of the study
             part["failure"] = f"{type(error).__name__}: {error}"
@@ -111,14 +111,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="output folder, new or empty")
     parser.add_argument("--stiffness-factor", type=float, default=1.0, help="factor on all stiffnesses: %(default)s")
     given = parser.parse_args(arguments)
-    constants, factor = DenseConstants(), given.stiffness_factor
+    factor = given.stiffness_factor
     if not 0.0 < factor < np.inf:
         raise InputError.at("--stiffness-factor", "a finite number above 0", f"{factor:g}")
-    body = replace(constants.body, strand_n=factor * constants.body.strand_n)
     with output_folder(given.out, inputs=[given.folder]) as folder:
         lungs = read_lungs(given.folder)
         cases = grid(where=WHERE, marks=COUNTS, lung=lungs)
-        jobs = [(case["lung"], case["where"], case["marks"], replace(constants, body=body)) for case in cases]
+        jobs = [(case["lung"], case["where"], case["marks"], factor * STRAND_N) for case in cases]
         runs = pd.concat(runs_of(run, jobs, given))
         table = table_of(runs)
         page = markdown(table)
@@ -127,12 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         write_whole(folder / "rows.csv", table.to_csv(index=False))
         write_whole(folder / "table.md", page)
     publish(given, page, {"dense lungs table": page})
-    failed = list(
-        runs[runs["failure"] != ""].groupby(["lung", "marks", "where", "method", "failure"], sort=False).groups
-    )
-    for lung, marks, where, method, why in failed:
+    failed = runs[runs["failure"] != ""][["lung", "marks", "where", "method", "failure"]].drop_duplicates()
+    for lung, marks, where, method, why in failed.itertuples(index=False):
         sys.stderr.write(f"{lung}, {marks} marks, {where}: {method}: {why}\n")
-    return 1 if failed else 0
+    return 1 if len(failed) else 0
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.tables import read_table
 from experiments.studies.estimation.trials import Frames, frames_of
-from experiments.studies.lungs import LungConstants, hull_of, lung_network, node_name, sides
+from experiments.studies.lungs import STRAND_N, hull_of, lung_network, node_name, sides
 from experiments.studies.zoo.run import thin_plate_weights
 
 AXES = ("x", "y", "z")
@@ -115,30 +115,17 @@ LARGE_M = 1.0
 """Prior standard deviations [m] of the affine displacement in `by_field`: constant part, and linear part at 0.1 m
 from the marks' centre; numerical."""
 
-
-@dataclass(frozen=True, slots=True)
-class DenseConstants:
-    """Constants of the study, chosen once for all lungs, places and numbers of marks.
-
-    body: constants of the spring network
-    scatter_m: sd of a measured position on each axis [m]; source: positions by two persons differ by 1 mm
-        on average, which is 1.6 sd.
-    disturbances, discrepancy: priors of the filter
-    """
-
-    body: LungConstants = field(default_factory=LungConstants)
-    scatter_m: float = 0.63e-3
-    disturbances: Disturbances = BREATH
-    discrepancy: Discrepancy = SMOOTH
+SCATTER_M = 0.63e-3
+"""Sd of a measured position on each axis [m]; source: positions by two persons differ by 1 mm on average: 1.6 sd."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods: a lung, its marks and constants; marks: indices of landmarks used as marks, (n_marks,)."""
+    """Input of all methods: a lung, the indices of its marks, (n_marks,), and strand_n, see `STRAND_N` [N]."""
 
     lung: Lung
     marks: NDArray[np.int64]
-    constants: DenseConstants
+    strand_n: float = STRAND_N
 
     @property
     def before(self) -> Floats:
@@ -158,7 +145,7 @@ class Task:
     def frames(self) -> Frames:
         """The frames at the end of inhaling and of exhaling; node k of the network has mark k."""
         names = [node_name(k) for k in range(len(self.marks))]
-        return frames_of(FRAMES_S, [self.before, self.after], names, self.constants.scatter_m)
+        return frames_of(FRAMES_S, [self.before, self.after], names, SCATTER_M)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +181,7 @@ class Body:
         affine = mesh.transform[cells]
         first = np.einsum("ijk,ik->ij", affine[:, :3], task.wanted - affine[:, 3])
         weights = np.column_stack([first, 1.0 - first.sum(axis=1)])
-        return cls(lung_network(nodes, task.constants.body), mesh.simplices[cells], weights)
+        return cls(lung_network(nodes, task.strand_n), mesh.simplices[cells], weights)
 
     def point(self, k: int) -> TargetPoint:
         """Hidden landmark k as a point between four nodes."""
@@ -216,8 +203,8 @@ def by_filter(task: Task) -> Found:
         body.network,
         body.point(int(away.argmax())),
         [mark.node for mark in frames[0][1]],
-        disturbances=task.constants.disturbances,
-        discrepancy=task.constants.discrepancy,
+        disturbances=BREATH,
+        discrepancy=SMOOTH,
     )
     for time_s, marks in frames:
         tissue.predict(time_s)
@@ -259,7 +246,7 @@ def by_field(task: Task) -> Found:
     def smooth(one: Floats, other: Floats) -> Floats:
         return matern(0.1 * np.linalg.norm(one[:, None] - other, axis=2), FIELD_M)
 
-    trends, fields, noise = trend(known, known), smooth(known, known), task.constants.scatter_m**2
+    trends, fields, noise = trend(known, known), smooth(known, known), SCATTER_M**2
     likely: list[float] = []
     for level in LEVELS_M:
         S = trends + level**2 * fields + noise * np.eye(len(known))

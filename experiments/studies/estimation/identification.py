@@ -41,13 +41,7 @@ from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.grid import command, grid, kept_runs, publish, seeds_of, study_options
 
-PRIOR_SD: Mapping[str, float] = {
-    "stiffness": 0.1,
-    "rest_length": 0.01,
-    "damping": 0.3,
-    "drag": 0.3,
-    "friction": 0.3,
-}
+PRIOR_SD: Mapping[str, float] = {"stiffness": 0.1, "rest_length": 0.01, "damping": 0.3, "drag": 0.3, "friction": 0.3}
 """Relative standard deviations of the errors in the scene's constants. The prior of the fit has the same deviations."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0

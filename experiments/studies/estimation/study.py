@@ -37,7 +37,7 @@ from estimators import FilterSettings, ForceMode, TissueFilter, coverage, identi
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.formats.page import markdown_table
-from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Frames, Model, Outcome, Trial, run, seen, truth
+from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
 from experiments.studies.grid import command, kept_runs, one_or_more, publish, study_options
 from experiments.studies.grid import grid as cases_of
 
@@ -117,17 +117,15 @@ def perturbed(seed: int, *, known: bool = False) -> Model:
     return Model(scale_parameters(network, which, change), uncertainty, FilterSettings())
 
 
-def calibration(seed: int, cache: Path) -> Frames:
-    """Frames for identification: 30 s of the scenario `poked` at 30 frames/s, with four marks accurate to 4.14 mm."""
-    trial = Trial("poked", seed + 500, duration_s=30.0)
-    return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
-
-
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Identify the constants of a wrong model, then track all scenarios with the result; a row for each scenario."""
+    """Identify the constants of a wrong model, then track all scenarios with the result; a row for each scenario.
+
+    The identification uses 30 s of the scenario `poked` at 30 frames/s, with four marks accurate to 4.14 mm.
+    """
     seed = case["seed"]
-    model = perturbed(seed)
-    found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
+    model, trial = perturbed(seed), Trial("poked", seed + 500, duration_s=30.0)
+    frames, _ = seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))
+    found = identify_constants(model.network, frames, OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
     known = replace(model, network=found.network, uncertainty=found.uncertainty)
     return [{"scenario": name, **row_of(run(Trial(name, seed), known, cache))} for name in SCENARIOS]
 
@@ -203,22 +201,9 @@ def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
     return {label: figures(own) for label, own in parts.items() if len(own)}
 
 
-USUAL = {
-    "filter [mm]": "{filter_mm:.2f}",
-    "ratio": "{ratio:.3f}",
-    "coverage": "{coverage95:.1%}",
-    "NEES": "{nees:.2f}",
-}
-BOUND = {
-    "filter RMSE [mm]": "{rmse_mm:.3f}",
-    "bound [mm]": "{bound_mm:.3f}",
-    "ratio": "{ratio:.3f}",
-}
-HARD = {
-    "diverged": "{runs_diverged}/{runs}",
-    "over 40 mm": "{runs_ever_far}/{runs}",
-    "coverage": "{coverage95:.1%}",
-}
+USUAL = {"filter [mm]": "{filter_mm:.2f}", "ratio": "{ratio:.3f}", "coverage": "{coverage95:.1%}", "NEES": "{nees:.2f}"}
+BOUND = {"filter RMSE [mm]": "{rmse_mm:.3f}", "bound [mm]": "{bound_mm:.3f}", "ratio": "{ratio:.3f}"}
+HARD = {"diverged": "{runs_diverged}/{runs}", "over 40 mm": "{runs_ever_far}/{runs}", "coverage": "{coverage95:.1%}"}
 """Columns of a table: headings, and format strings for the figures of a row."""
 
 

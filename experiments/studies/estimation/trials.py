@@ -12,14 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, four_mass_phantom
-from estimators import (
-    FilterSettings,
-    MarkMeasurement,
-    OpenLoop,
-    TargetEstimate,
-    TissueFilter,
-    normalised_error_squared,
-)
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.seen_marks import outliers
@@ -150,10 +143,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether any spring ever turns by more than 90 degrees from its direction at rest.
-
-    positions: positions of free nodes [m], (n_times, n_free, dim)
-    """
+    """Whether a spring ever turns by more than 90° from rest; positions: of free nodes [m], (n_times, n_free, dim)."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

@@ -15,7 +15,6 @@ import time
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -162,9 +161,7 @@ class LiveRun:
         """Enter a context. When the context ends, the process is killed and all resources are released."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._killed.close()
         self.held.close()
 

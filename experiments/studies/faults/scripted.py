@@ -174,13 +174,7 @@ def displayed(
     """What a live run on scripted frames displays; attend: called with the session in each turn of the run's loop."""
     clock = partial(getattr, frames, "now_s")
     session = Session(
-        scene,
-        folder / ESTIMATES,
-        lambda _text: None,
-        needle=plan,
-        publisher=watching,
-        clock=clock,
-        rehearse=rehearse,
+        scene, folder / ESTIMATES, lambda _text: None, needle=plan, publisher=watching, clock=clock, rehearse=rehearse
     )
     follow(session, frames, duration_s, clock, attend=partial(attend, session))
     session.close()

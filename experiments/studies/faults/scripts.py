@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from typing import cast
 
 import cv2
@@ -28,8 +29,12 @@ def _within(arrival: Arrival, lasts_s: float) -> bool:
     return ONSET_S <= arrival.at_s - BEGAN_S < ONSET_S + lasts_s
 
 
-def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
-    return [replace(one, image=None) if _within(one, lasts_s) else one for one in arrivals]
+def _each(change: Callable[[Arrival], Arrival]) -> Arrives:
+    """A fault that changes each `Arrival`."""
+    return lambda arrivals, _rng, lasts_s: [change(one) if _within(one, lasts_s) else one for one in arrivals]
+
+
+_lag = _each(lambda one: replace(one, at_s=one.at_s + 1.0))
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
@@ -48,12 +53,9 @@ _blocked = _kept(lambda _k, _rng: False)
 def _frozen(n_pictures: int) -> Arrives:
     """A fault that repeats the last `n_pictures` pictures before the onset, again and again in the same order."""
 
-    def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
-        before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
-        turns = iter(range(len(arrivals)))
-        return [
-            replace(one, image=before[next(turns) % n_pictures]) if _within(one, lasts_s) else one for one in arrivals
-        ]
+    def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
+        turns = cycle([one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:])
+        return _each(lambda one: replace(one, image=next(turns)))(arrivals, rng, lasts_s)
 
     return arrives
 
@@ -62,10 +64,6 @@ def _late(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> 
     at_s = np.array([one.at_s + (rng.exponential(0.05) if _within(one, lasts_s) else 0.0) for one in arrivals])
     in_order = np.maximum.accumulate(at_s)
     return [replace(one, at_s=float(at)) for one, at in zip(arrivals, in_order, strict=True)]
-
-
-def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
-    return [replace(one, at_s=one.at_s + 1.0) if _within(one, lasts_s) else one for one in arrivals]
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
@@ -131,7 +129,7 @@ _PICTURES: tuple[tuple[str, str, float, Alters], ...] = (
 )
 
 CAMERA: tuple[ScriptedFault, ...] = (
-    ScriptedFault("unplugged", "the camera is unplugged for 2 s", arrivals=_unplugged),
+    ScriptedFault("unplugged", "the camera is unplugged for 2 s", arrivals=_each(lambda one: replace(one, image=None))),
     ScriptedFault("blocked", "reads block for 2 s", arrivals=_blocked),
     ScriptedFault("frozen", "one picture repeats for 2 s", arrivals=_frozen(1)),
     ScriptedFault("frozen in turn", "two pictures alternate for 2 s", arrivals=_frozen(2)),
@@ -144,17 +142,8 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
     ScriptedFault("lag", "all frames come 1 s late", FOREVER, arrivals=_lag),
-    ScriptedFault(
-        "blocked, dated",
-        "reads of timestamped frames block for 2 s",
-        arrivals=_dated(0.0, _blocked),
-    ),
-    ScriptedFault(
-        "lag, dated",
-        "all timestamped frames come 1 s late",
-        FOREVER,
-        arrivals=_dated(0.0, _lag),
-    ),
+    ScriptedFault("blocked, dated", "reads of timestamped frames block for 2 s", arrivals=_dated(0.0, _blocked)),
+    ScriptedFault("lag, dated", "all timestamped frames come 1 s late", FOREVER, arrivals=_dated(0.0, _lag)),
     *(ScriptedFault(name, what, lasts_s, picture=alters) for name, what, lasts_s, alters in _PICTURES),
     ScriptedFault("clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=_dated(10.0)),
     ScriptedFault("clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=_dated(-10.0)),
@@ -212,12 +201,9 @@ def _stiffer(scene: Scene) -> Scene:
 def _scaled(scene: Scene) -> Scene:
     """The scene with a camera whose scale [mm/px] is five per cent too large."""
     camera = scene.cameras[0]
-    low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
-    middle = 0.5 * (low + high)
-    mm_per_px = tuple(1.05 * float(x) for x in camera.mm_per_px(middle))
-    seen = vision.fronto_parallel_camera(
-        camera.name, camera.size_px, (mm_per_px[0], mm_per_px[1]), (float(middle[0]), float(middle[1]))
-    )
+    x, y = middle = 0.5 * (scene.network.positions.min(axis=0) + scene.network.positions.max(axis=0))
+    across, up = 1.05 * camera.mm_per_px(middle)
+    seen = vision.fronto_parallel_camera(camera.name, camera.size_px, (float(across), float(up)), (float(x), float(y)))
     return replace(scene, cameras=(seen,))
 
 
@@ -305,9 +291,7 @@ LOOP: tuple[ScriptedFault, ...] = (
         needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
     ),
     ScriptedFault(
-        "touched early",
-        "a needle presses 5 mm into the skin without GO",
-        needle=TrackedNeedle(_touches, push_N=DENT_N),
+        "touched early", "a needle presses 5 mm into the skin without GO", needle=TrackedNeedle(_touches, push_N=DENT_N)
     ),
     ScriptedFault("filter diverges", "the filter's nodes are displaced by 110 mm", FOREVER, upsets=_thrown(THROWN_M)),
     ScriptedFault("filter NaN", "the filter's state is NaN", FOREVER, upsets=_thrown(np.nan)),

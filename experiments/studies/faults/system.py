@@ -113,15 +113,9 @@ def _until(run: LiveRun, time_s: float) -> None:
         time.sleep(0.005)
 
 
-def _free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        port: int = one.getsockname()[1]
-    return port
-
-
 def _with_openigtlink(run: LiveRun) -> None:
-    run.igtl_port = _free_port()
+    with socket.create_server(("127.0.0.1", 0)) as one:  # a free port
+        run.igtl_port = one.getsockname()[1]
     run.options += ["--openigtlink", f"127.0.0.1:{run.igtl_port}"]
 
 

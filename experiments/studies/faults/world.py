@@ -16,14 +16,7 @@ import cv2
 import numpy as np
 
 import vision
-from dynamics import (
-    MassSpringNetwork,
-    all_positions,
-    integrate_adaptive,
-    node_weights,
-    pack,
-    unpack,
-)
+from dynamics import MassSpringNetwork, all_positions, integrate_adaptive, node_weights, pack, unpack
 from estimators import FilterSettings, Insertion
 from experiments.arrays import Floats
 from experiments.formats.needle_file import force_reach_m

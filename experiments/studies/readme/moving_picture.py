@@ -56,7 +56,7 @@ class Watched:
         if not isinstance(frame, Frame) or not self.shown_s[0] <= step.estimates[FILTER].time_s <= self.shown_s[1]:
             return
         network, (width, height), (left, top) = line.scene.network, NEAR_PX, NEAR_CORNER_PX
-        rest_m = network.positions[network.names.index(line.scene.target.node)]
+        rest_m = network.positions[network.index(line.scene.target.node)]
         image, camera = enlarged(frame.image, line.camera, rest_m, WHOLE, WHOLE_AT_PX, SIZE_PX)
         picture = drawn(image, overlay_of(line, step, camera, guidance, PLAN))
         image, camera = enlarged(frame.image, line.camera, rest_m, NEAR, (0.5 * width, 0.5 * height), NEAR_PX)

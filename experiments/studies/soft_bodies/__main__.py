@@ -49,12 +49,10 @@ def run(job: Case) -> dict[str, float]:
     loop = OpenLoop(case.network, "target")
     ours, ahead, ms = _passed(tissue, frames)
     loops = [loop.update(time_s, marks).mean for time_s, marks in frames]
-    truth = case.positions[:, -1]
-    errors = np.array([one.mean for one in ours]) - truth
+    truth, means = case.positions[:, -1], np.array([one.mean for one in ours])
+    errors, then = means - truth, truth[SKIPPED + AHEAD :: EVERY]
     nees = normalised_error_squared(errors, np.array([one.cov for one in ours]))
-    start, then = slice(SKIPPED, -AHEAD, EVERY), truth[SKIPPED + AHEAD :: EVERY]
     missed = np.array([one.mean for one in ahead]) - then
-    kept = np.array([one.mean for one in ours])[start] - then
     return {
         "moved_mm": 1e3 * float(np.linalg.norm(truth - truth[0], axis=1).max()),
         "skin_mm": 1e3 * float(np.linalg.norm((case.positions - case.positions[0])[:, :-1], axis=2).max()),
@@ -62,7 +60,7 @@ def run(job: Case) -> dict[str, float]:
         "open_loop_mm": _rms_mm(np.array(loops) - truth),
         "thin_plate_mm": _rms_mm(_spline(case, seen) - truth),
         "covered": coverage(nees[SKIPPED:], 3),
-        "kept_mm": _rms_mm(kept, 0),
+        "kept_mm": _rms_mm(means[SKIPPED:-AHEAD:EVERY] - then, 0),
         "ahead_mm": _rms_mm(missed, 0),
         "ahead_covered": coverage(normalised_error_squared(missed, np.array([one.cov for one in ahead])), 3),
         "ms": ms,
@@ -79,9 +77,7 @@ def _spline(case: Recording, seen: Floats) -> Floats:
 
 def _passed(tissue: TissueFilter, frames: Frames) -> tuple[list[TargetEstimate], list[TargetEstimate], float]:
     """Estimates of all frames, predictions from every `EVERY`-th frame after `SKIPPED`, and time per estimate [ms]."""
-    ours: list[TargetEstimate] = []
-    ahead: list[TargetEstimate] = []
-    spent_s = 0.0
+    ours, ahead, spent_s = list[TargetEstimate](), list[TargetEstimate](), 0.0
     for k, (time_s, marks) in enumerate(frames):
         began = time.process_time()
         tissue.predict(time_s)

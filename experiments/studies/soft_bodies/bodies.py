@@ -164,7 +164,9 @@ def slab(n_marks: int, seed: int, *, driven: bool = False) -> Recording:
     driven: whether the wall moves in the filter's model
     """
     rng = np.random.default_rng([seed, 5])
-    mesh, given = (_slab_mesh(cells) for cells in SLAB_CELLS)
+    mesh, given = (
+        TetMesh((_corners(cells) - [0.5, 0.5, 0.0]) * SLAB_M, grid_tetrahedra(cells)) for cells in SLAB_CELLS
+    )
     x, top = mesh.nodes, np.flatnonzero(mesh.nodes[:, 2] == SLAB_M[2])
     target = int(np.linalg.norm(x - [0.0, 0.0, 0.5 * SLAB_M[2]], axis=1).argmin())
     shown = np.r_[rng.choice(top, n_marks, replace=False), target]
@@ -176,10 +178,6 @@ def slab(n_marks: int, seed: int, *, driven: bool = False) -> Recording:
     held = np.flatnonzero(given.nodes[:, 2] == 0.0)
     network = continuum_network(given, (tissue,), held, dict(zip(names, x[shown], strict=True)), driven=driven)
     return Recording(network, names[:-1], times_s, places)
-
-
-def _slab_mesh(cells: tuple[int, int, int]) -> TetMesh:
-    return TetMesh((_corners(cells) - [0.5, 0.5, 0.0]) * SLAB_M, grid_tetrahedra(cells))
 
 
 def _corners(cells: tuple[int, int, int]) -> Floats:

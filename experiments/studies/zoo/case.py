@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -55,8 +55,7 @@ class Case:
     @property
     def cell(self) -> str:
         """Name of the case's row: body and scale. If the body is not scaled: body and kind of constants."""
-        factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
-        scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
+        scaled = [f"{name} x {factor:g}" for name, factor in asdict(self.scale).items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
     @property
@@ -80,11 +79,7 @@ def cases(bodies: Sequence[str] = tuple(BODIES), seeds: Sequence[int] = REPORT_S
     found = []
     for body in bodies:
         found += [Case(body, seed, constants) for seed in seeds for constants in CONSTANTS]
-        found += [
-            Case(body, seed, size=scale.size, stiffness=scale.stiffness, mass=scale.mass)
-            for scale in SCALES
-            for seed in seeds[:N_SCALED]
-        ]
+        found += [Case(body, seed, **asdict(scale)) for scale in SCALES for seed in seeds[:N_SCALED]]
     return found
 
 
@@ -151,9 +146,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])
     start = replace(
-        body.network,
-        stiffness=body.network.stiffness * by_spring[:, 0],
-        damping=body.network.damping * by_spring[:, 1],
+        body.network, stiffness=body.network.stiffness * by_spring[:, 0], damping=body.network.damping * by_spring[:, 1]
     )
     if body.at_rest:
         start = fit_rest_lengths(start, body.network.positions)

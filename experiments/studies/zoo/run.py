@@ -44,14 +44,11 @@ def spline(body: Body, frames: Frames) -> Floats:
     If the nodes are in a line, the spline is cubic along the line. Otherwise a thin-plate spline interpolates the
     displacements from the drawn shape.
     """
-    network = body.network
+    network, drawn = body.network, body.network.positions
+    seen, hidden = ([network.index(name) for name in names] for names in (body.marked, body.hidden))
     anchors = np.flatnonzero(network.fixed)
-    seen = [network.index(name) for name in body.marked]
-    hidden = [network.index(name) for name in body.hidden]
     known = np.r_[anchors, seen]
-    fixed = network.positions[anchors]
-    places = np.array([np.vstack([fixed, [mark.position for mark in marks]]) for _, marks in frames])
-    drawn = network.positions
+    places = np.array([np.vstack([drawn[anchors], [mark.position for mark in marks]]) for _, marks in frames])
     if body.in_line:
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(drawn, axis=0), axis=1))]
         order = np.argsort(along[known])

@@ -8,9 +8,9 @@ import pytest
 from estimators import Advice
 from experiments.formats.scenario import read_scenario
 from experiments.plots.insertion import (
-    advised_figure,
     hits_figure,
     misses_figure,
+    reliabilities,
     reliability_figure,
     write_insertion_plots,
 )
@@ -37,8 +37,9 @@ def trials():
 
 
 def test_they_can_be_printed(trials):
-    for drawn in (hits_figure, misses_figure, reliability_figure, advised_figure):
-        check_printed(drawn(trials), without_units=("policy",))
+    reliable = [reliability_figure(*one) for one in reliabilities(trials).values()]
+    for figure in (hits_figure(trials), misses_figure(trials), *reliable):
+        check_printed(figure, without_units=("policy",))
 
 
 def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
@@ -58,14 +59,14 @@ def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
 
 def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
     """37 predicted as 95 % probable, of which 2 hit: beyond its interval; 3 predicted as 25 % are left out."""
-    figure = reliability_figure(trials)
+    figure = reliability_figure(*reliabilities(trials)["reliability"])
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["37", "3 in bins of fewer than 5 left out"]
     assert labels(figure) == ["as predicted", "99 % interval excludes the prediction"]
 
 
 def test_reliable_advice_contains_its_prediction(trials):
-    figure = advised_figure(trials)
+    figure = reliability_figure(*reliabilities(trials)["advised"])
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["20"]
     assert np.ravel(ax.containers[0].lines[0].get_data()) == pytest.approx([0.55, 0.55])

@@ -9,8 +9,9 @@ from scipy.stats import chi2
 from experiments.errors import InputError
 from experiments.studies import lungs as study
 from experiments.studies.lungs import (
+    MASS_KG,
     SEEN,
-    LungConstants,
+    STRAND_N,
     by_spline,
     edges_of,
     inner_landmarks,
@@ -117,10 +118,9 @@ def test_edges_of_a_bipyramid():
 
 def test_a_lung_rests_as_it_was_read_and_its_springs_are_strands_of_one_kind():
     points = 1e-3 * landmarks(3)[0, :20]
-    constants = LungConstants()
-    network = lung_network(points, constants)
-    assert network.stiffness * network.rest_lengths == pytest.approx(np.full(len(network.springs), constants.strand_n))
-    assert network.masses.sum() == pytest.approx(constants.mass_kg)
+    network = lung_network(points)
+    assert network.stiffness * network.rest_lengths == pytest.approx(np.full(len(network.springs), STRAND_N))
+    assert network.masses.sum() == pytest.approx(MASS_KG)
     assert not network.fixed.any()
 
 

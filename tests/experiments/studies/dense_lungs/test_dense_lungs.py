@@ -15,8 +15,8 @@ from experiments.studies.dense_lungs import methods
 from experiments.studies.dense_lungs.__main__ import COUNTS, WORDS, main, markdown, nested, table_of
 from experiments.studies.dense_lungs.methods import (
     METHODS,
+    SCATTER_M,
     Body,
-    DenseConstants,
     Found,
     Task,
     by_field,
@@ -125,7 +125,7 @@ def task(folder, moved=exhaled, n=20, n_landmarks=150):
     before = landmarks(1, n_landmarks)
     write_case(folder / "case1.csv", before, moved(before))
     lung = read_person(folder / "case1.csv")[0]
-    return Task(lung, lung.marks(n, "all"), DenseConstants())
+    return Task(lung, lung.marks(n, "all"))
 
 
 def errors(given, found):
@@ -163,7 +163,7 @@ def test_the_field_is_the_conditional_normal_distribution(tmp_path, monkeypatch)
     functions = np.column_stack([np.ones(len(points)), (points - given.before.mean(axis=0)) / 0.1])
     joint = functions @ functions.T + 1e-6 * (1.0 + r) * np.exp(-r)
     n = len(given.before)
-    gain = np.linalg.solve(joint[:n, :n] + given.constants.scatter_m**2 * np.eye(n), joint[:n, n:]).T
+    gain = np.linalg.solve(joint[:n, :n] + SCATTER_M**2 * np.eye(n), joint[:n, n:]).T
     found = by_field(given)
     assert found.means == pytest.approx(given.wanted + gain @ (given.after - given.before), abs=1e-9)
     variances = (joint[n:, n:] - gain @ joint[:n, n:]).diagonal()
