@@ -11,7 +11,7 @@ import typer
 
 from experiments.commands.options import Force, Fps, Vector
 from experiments.commands.run import Answer, Run
-from experiments.errors import InputError
+from experiments.errors import InputError, coordinates, placed
 from experiments.plain import counted
 
 
@@ -129,16 +129,29 @@ def hue(
     run.only_with("--at", "--frame")
     run.only_with("--out", "--film", "--fps", "--force")
     if at is not None:
-        return _learned(source, at, frame)
+        return learned_hue(source, at, frame)
     return _taken(run, source, scene, out, film=film, fps=fps, force=force)
 
 
-def _learned(source: str, at: str, frame: int) -> Answer:
-    from experiments.pipeline.hue import hue_lines
+DIGITS = {"hue_deg": 1, "half_width_deg": 1, "min_saturation": 3, "min_value": 3}
+"""Decimals of a mark's hue keys."""
 
-    lines = hue_lines(source, at, frame)
-    keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
-    return Answer(keys, lines)
+
+def learned_hue(source: str, at: str, number: int) -> Answer:
+    """The hue keys of the mark at the pixel "u,v" of a frame; raises InputError if there is no mark."""
+    from experiments.pipeline.frame_sources import open_source
+    from vision import NOMINAL_FPS, HueError, learn_hue
+
+    u, v = coordinates("--at", at, 2, "two numbers, U,V")
+    _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)
+    with frames:
+        frame = next((frame for frame in frames if frame.index == number), None)
+    if frame is None:
+        raise InputError(f"{source}: expected a frame {number}, found fewer")
+    with placed(f"{source}: frame {number}", HueError, ValueError):
+        hue = learn_hue(frame.image, (u, v))
+    keys = {key: f"{getattr(hue, key):.{digits}f}" for key, digits in DIGITS.items()}
+    return Answer({key: float(text) for key, text in keys.items()}, [f"{key} = {text}" for key, text in keys.items()])
 
 
 def _taken(

@@ -105,8 +105,8 @@ def import_table(
     force: Force = False,
 ) -> Answer:
     """Convert positions from DeepLabCut or SLEAP into a recording. The scene's camera converts pixels to mm."""
-    from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
+    from experiments.pipeline.exchange.marks import plane_scale, write_imported
 
     times = fps if frames is None else frames
     if times is None or (fps is not None and frames is not None):
@@ -117,10 +117,9 @@ def import_table(
     if mm_per_px is not None and origin_px is not None:
         u, v = coordinates("--origin-px", origin_px, 2, "U,V: a position [px]")
         scale = plane_scale(mm_per_px, (u, v))
-    settings = ImportSettings(least, sd_px)
     with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
         done = imported(
-            table, scene, times, settings=settings, renamed=rename or [], scale=scale, individual=individual
+            table, scene, times, least=least, sd_px=sd_px, renamed=rename or [], scale=scale, individual=individual
         )
         run.use(done.scene)
         write_imported(done, folder)
