@@ -1,4 +1,4 @@
-"""The page as an application of plain files, the schema and a WebSocket, served until the server's task is cancelled."""
+"""The page as an application of files, the schema and a WebSocket, served until the server's task is cancelled."""
 
 from __future__ import annotations
 
