@@ -12,6 +12,7 @@ import sys
 from typing import Annotated, NoReturn
 
 import typer
+from typer import Option
 
 from experiments.commands.assess import bench, demo, faults, sweep
 from experiments.commands.cameras import calibrate, hue, record
@@ -72,8 +73,7 @@ for command in COMMANDS:
 
 @app.callback()
 def softaim(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False,
+    context: typer.Context, version: Annotated[bool, Option("--version", help="Print the version and end.")] = False
 ) -> None:
     """Estimate the position of a hidden target in moving soft tissue, with its uncertainty."""
     if version:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, Processes, Scheduler, Vector
 from experiments.commands.run import Answer, Run
@@ -35,7 +36,7 @@ MOST_SHOWN = 5
 
 def sweep(
     run: Run,
-    study: Annotated[Path, typer.Argument(help="Sweep file: scenario, methods, seeds and parameter grid.")],
+    study: Annotated[Path, Argument(help="Sweep file: scenario, methods, seeds and parameter grid.")],
     out: Out,
     processes: Processes = None,
     scheduler: Scheduler = None,
@@ -84,14 +85,14 @@ def faults(
     run: Run,
     out: Out,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="Fault to test; repeat for several faults; default: all faults.")
+        list[str] | None, Option(help="Fault to test; repeat for several faults; default: all faults.")
     ] = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of runs of each fault.")] = 20,
-    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first run.")] = 8000,
+    seeds: Annotated[int, Option(min=1, help="Number of runs of each fault.")] = 20,
+    first_seed: Annotated[int, Option(min=0, help="Seed of the first run.")] = 8000,
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
-    page: Annotated[bool, typer.Option("--page", help="Rewrite docs/faults.md in the current folder.")] = False,
+    page: Annotated[bool, Option("--page", help="Rewrite docs/faults.md in the current folder.")] = False,
 ) -> Answer:
     """Test live runs with faults of camera, tissue, needle and system; to resume, run again."""
     require("faults", "cluster", "live")

@@ -7,33 +7,28 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from experiments.commands.options import Force, Fps, Vector
 from experiments.commands.run import Answer, Run
-from experiments.errors import InputError
+from experiments.errors import InputError, coordinates, placed
 from experiments.plain import counted
 
 
 def calibrate(
     run: Run,
-    board: Annotated[
-        str, typer.Option("--board", help="Number of inner corners (ChArUco: squares) along both sides, such as 9x6.")
-    ],
-    square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
-    out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
-    pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,
+    board: Annotated[str, Option(help="Number of inner corners (ChArUco: squares) along both sides, such as 9x6.")],
+    square_mm: Annotated[float, Option(help="Side of a square [mm].")],
+    out: Annotated[Path, Option(help="Camera file to write; for several cameras, a folder.")],
+    pictures: Annotated[list[Path] | None, Argument(help="Pictures, a picture folder, or a film.")] = None,
     camera: Annotated[
-        list[str] | None,
-        typer.Option("--camera", help="NAME=FOLDER: a camera and its picture folder; repeat for each camera."),
+        list[str] | None, Option(help="NAME=FOLDER: a camera and its picture folder; repeat for each camera.")
     ] = None,
-    charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
-    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
-    plane: Annotated[
-        Path | None, typer.Option("--plane", help="Picture of the board in the plane of the marks; default: last.")
-    ] = None,
-    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Lens file to write for OpenCV.")] = None,
-    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Lens file to write for ROS.")] = None,
+    charuco: Annotated[str | None, Option(help="ChArUco marker dictionary, such as 4X4_50.")] = None,
+    marker_mm: Annotated[float | None, Option(help="Side of a ChArUco marker [mm].")] = None,
+    plane: Annotated[Path | None, Option(help="Picture of the board in the plane of the marks; default: last.")] = None,
+    opencv_yaml: Annotated[Path | None, Option(help="Lens file to write for OpenCV.")] = None,
+    ros_yaml: Annotated[Path | None, Option(help="Lens file to write for ROS.")] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
@@ -70,19 +65,17 @@ def record(
     run: Run,
     source: Annotated[
         list[str] | None,
-        typer.Argument(
+        Argument(
             help="Camera index, device, film, folder, stream, recording or phantom; for several cameras: NAME=SOURCE "
             "for each."
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
-    scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into the recording.")] = None,
-    codec: Annotated[str, typer.Option("--codec", help="FFV1: lossless; MJPG: smaller files.")] = "FFV1",
-    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this time [s].")] = None,
+    out: Annotated[Path | None, Option(help="Folder of the recording; new or empty.")] = None,
+    scene: Annotated[Path | None, Option(help="Scene file to copy into the recording.")] = None,
+    codec: Annotated[str, Option(help="FFV1: lossless; MJPG: smaller files.")] = "FFV1",
+    seconds: Annotated[float | None, Option(min=0.0, help="Stop after this time [s].")] = None,
     fps: Fps = None,
-    recover: Annotated[
-        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces to a film.")
-    ] = None,
+    recover: Annotated[Path | None, Option(help="Folder of a killed recording; joins its pieces to a film.")] = None,
     force: Force = False,
 ) -> Answer:
     """Record frames and their times until Ctrl-C; a killed recording loses at most its last second."""
@@ -109,18 +102,14 @@ def record(
 
 def hue(
     run: Run,
-    source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
-    at: Annotated[
-        str | None, typer.Option("--at", help="Print the hue keys of the mark at this position U,V [px].")
-    ] = None,
-    frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
+    source: Annotated[str, Argument(help="Film, folder of pictures, recording, or camera.")],
+    at: Annotated[str | None, Option(help="Print the hue keys of the mark at this position U,V [px].")] = None,
+    frame: Annotated[int, Option(min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
-    scene: Annotated[
-        Path | None, typer.Option("--scene", help="Without --at: scene whose hue keys select the pixels.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
+    scene: Annotated[Path | None, Option(help="Without --at: scene whose hue keys select the pixels.")] = None,
+    out: Annotated[Path | None, Option(help="Without --at: folder for hue.csv and hue.png.")] = None,
     film: Annotated[
-        bool, typer.Option("--film", help="With --out: also write film.avi with the selected pixels coloured.")
+        bool, Option("--film", help="With --out: also write film.avi with the selected pixels coloured.")
     ] = False,
     force: Force = False,
 ) -> Answer:
@@ -129,16 +118,29 @@ def hue(
     run.only_with("--at", "--frame")
     run.only_with("--out", "--film", "--fps", "--force")
     if at is not None:
-        return _learned(source, at, frame)
+        return learned_hue(source, at, frame)
     return _taken(run, source, scene, out, film=film, fps=fps, force=force)
 
 
-def _learned(source: str, at: str, frame: int) -> Answer:
-    from experiments.pipeline.hue import hue_lines
+DIGITS = {"hue_deg": 1, "half_width_deg": 1, "min_saturation": 3, "min_value": 3}
+"""Decimals of a mark's hue keys."""
 
-    lines = hue_lines(source, at, frame)
-    keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
-    return Answer(keys, lines)
+
+def learned_hue(source: str, at: str, number: int) -> Answer:
+    """The hue keys of the mark at the pixel "u,v" of a frame; raises InputError if there is no mark."""
+    from experiments.pipeline.frame_sources import open_source
+    from vision import NOMINAL_FPS, HueError, learn_hue
+
+    u, v = coordinates("--at", at, 2, "two numbers, U,V")
+    _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)
+    with frames:
+        frame = next((frame for frame in frames if frame.index == number), None)
+    if frame is None:
+        raise InputError(f"{source}: expected a frame {number}, found fewer")
+    with placed(f"{source}: frame {number}", HueError, ValueError):
+        hue = learn_hue(frame.image, (u, v))
+    keys = {key: f"{getattr(hue, key):.{digits}f}" for key, digits in DIGITS.items()}
+    return Answer({key: float(text) for key, text in keys.items()}, [f"{key} = {text}" for key, text in keys.items()])
 
 
 def _taken(

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from experiments.commands.options import (
     Force,
@@ -40,7 +40,7 @@ def track(
     scene: SceneFile = None,
     check: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--check",
             help="Predict each mark from the other marks; if errors are too large, enlarge the target's covariance.",
         ),
@@ -134,9 +134,7 @@ def compare(
     recording: RecordingFolder,
     out: Out,
     scene: SceneFile = None,
-    methods: Annotated[
-        str | None, typer.Option("--methods", help="Names of methods, separated by commas; default: all.")
-    ] = None,
+    methods: Annotated[str | None, Option(help="Names of methods, separated by commas; default: all.")] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
@@ -164,11 +162,11 @@ def compare(
 
 def identify(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the target's mark.")],
+    recording: Annotated[Path, Argument(help="Calibration recording that also shows the target's mark.")],
     out: SceneOut,
     scene: SceneFile = None,
     at_rest: Annotated[
-        bool, typer.Option("--at-rest", help="Estimate only rest lengths, from a recording of the body at rest.")
+        bool, Option("--at-rest", help="Estimate only rest lengths, from a recording of the body at rest.")
     ] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,
@@ -241,29 +239,22 @@ def live(
     run: Run,
     source: Annotated[
         list[str] | None,
-        typer.Option(
-            "--source",
+        Option(
             help="Camera index, device, film, folder, stream, recording, phantom; for marks: udp://:PORT, - (pipe), "
-            "marks.csv; for several cameras: NAME=SOURCE for each. Default: phantom.",
+            "marks.csv; for several cameras: NAME=SOURCE for each. Default: phantom."
         ),
     ] = None,
     scene: SceneFile = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option("--duration", min=0.0, help="Stop this many seconds after the camera opens."),
-    ] = None,
+    out: Annotated[Path | None, Option(help="Output folder; default: live-DATE-TIME.")] = None,
+    duration: Annotated[float | None, Option(min=0.0, help="Stop this many seconds after the camera opens.")] = None,
     fps: Fps = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; switches advice on.")] = None,
+    needle: Annotated[Path | None, Option(help="Needle file; switches advice on.")] = None,
     film: WithFilm = False,
-    record: Annotated[bool, typer.Option("--record", help="Record all frames, for `softaim replay`.")] = False,
-    page: Annotated[
-        str | None, typer.Option("--page", help="Address of the web page; default: 127.0.0.1:8765.")
-    ] = None,
-    no_page: Annotated[bool, typer.Option("--no-page", help="Serve no web page.")] = False,
+    record: Annotated[bool, Option("--record", help="Record all frames, for `softaim replay`.")] = False,
+    page: Annotated[str | None, Option(help="Address of the web page; default: 127.0.0.1:8765.")] = None,
+    no_page: Annotated[bool, Option("--no-page", help="Serve no web page.")] = False,
     openigtlink: Annotated[
-        str | None,
-        typer.Option("--openigtlink", help="Address of the OpenIGTLink server, such as 127.0.0.1:18944."),
+        str | None, Option(help="Address of the OpenIGTLink server, such as 127.0.0.1:18944.")
     ] = None,
     force: Force = False,
 ) -> Answer:

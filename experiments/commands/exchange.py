@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import typer
+from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, RecordingFolder, Replace, SceneFile
 from experiments.commands.run import Answer, Run
@@ -20,17 +20,12 @@ def export(
     run: Run,
     recording: RecordingFolder,
     to: Annotated[
-        Literal["mcap", "plus"],
-        typer.Option("--to", help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False),
+        Literal["mcap", "plus"], Option(help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False)
     ],
-    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap, .igs.mha or .seq.mha.", show_default=False)],
-    estimates: Annotated[Path | None, typer.Option("--estimates", help="Output folder of `track` or `live`.")] = None,
+    out: Annotated[Path, Option(help="File to write: .mcap, .igs.mha or .seq.mha.", show_default=False)],
+    estimates: Annotated[Path | None, Option(help="Output folder of `track` or `live`.")] = None,
     start: Annotated[
-        str | None,
-        typer.Option(
-            "--start",
-            help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: time 0 is 1970-01-01.",
-        ),
+        str | None, Option(help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: time 0 is 1970-01-01.")
     ] = None,
     scene: SceneFile = None,
     force: Replace = False,
@@ -64,49 +59,29 @@ def export(
 
 def import_table(
     run: Run,
-    table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
-    scene: Annotated[
-        Path, typer.Option("--scene", help="Scene file that has the marks of the table.", show_default=False)
-    ],
+    table: Annotated[Path, Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
+    scene: Annotated[Path, Option(help="Scene file that has the marks of the table.", show_default=False)],
     out: Out,
-    fps: Annotated[
-        float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
-    ] = None,
-    frames: Annotated[
-        Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
-    ] = None,
-    least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of the positions to use.")
-    ] = 0.6,
-    sd_px: Annotated[
-        float,
-        typer.Option("--sd-px", min=1e-3, max=1e3, help="Standard deviation of a position per axis [px]."),
-    ] = 1.0,
+    fps: Annotated[float | None, Option(min=0.001, max=1e5, help="Frame rate of the film [frames/s].")] = None,
+    frames: Annotated[Path | None, Option(help="Table frames.csv of exposure times; replaces --fps.")] = None,
+    least: Annotated[float, Option(min=0.0, max=1.0, help="Least likelihood of the positions to use.")] = 0.6,
+    sd_px: Annotated[float, Option(min=1e-3, max=1e3, help="Standard deviation of a position per axis [px].")] = 1.0,
     rename: Annotated[
-        list[str] | None,
-        typer.Option("--rename", help="PART=NODE renames the body part PART to NODE; PART= omits it."),
+        list[str] | None, Option(help="PART=NODE renames the body part PART to NODE; PART= omits it.")
     ] = None,
     mm_per_px: Annotated[
         float | None,
-        typer.Option(
-            "--mm-per-px",
-            min=1e-6,
-            max=1e3,
-            help="Scale [mm/px] of a camera that faces the plane; replaces the scene's camera.",
-        ),
+        Option(min=1e-6, max=1e3, help="Scale [mm/px] of a camera that faces the plane; replaces the scene's camera."),
     ] = None,
-    origin_px: Annotated[
-        str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
-    ] = None,
+    origin_px: Annotated[str | None, Option(help="With --mm-per-px: pixel U,V at the plane's origin.")] = None,
     individual: Annotated[
-        str | None,
-        typer.Option("--individual", help="With several animals: name of the animal (in SLEAP: track) to use."),
+        str | None, Option(help="With several animals: name of the animal (in SLEAP: track) to use.")
     ] = None,
     force: Force = False,
 ) -> Answer:
     """Convert positions from DeepLabCut or SLEAP into a recording. The scene's camera converts pixels to mm."""
-    from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
+    from experiments.pipeline.exchange.marks import plane_scale, write_imported
 
     times = fps if frames is None else frames
     if times is None or (fps is not None and frames is not None):
@@ -117,10 +92,9 @@ def import_table(
     if mm_per_px is not None and origin_px is not None:
         u, v = coordinates("--origin-px", origin_px, 2, "U,V: a position [px]")
         scale = plane_scale(mm_per_px, (u, v))
-    settings = ImportSettings(least, sd_px)
     with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
         done = imported(
-            table, scene, times, settings=settings, renamed=rename or [], scale=scale, individual=individual
+            table, scene, times, least=least, sd_px=sd_px, renamed=rename or [], scale=scale, individual=individual
         )
         run.use(done.scene)
         write_imported(done, folder)

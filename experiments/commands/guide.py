@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from experiments.commands.options import (
     Force,
@@ -27,7 +27,7 @@ from experiments.errors import InputError
 def advise(
     run: Run,
     recording: RecordingFolder,
-    needle: Annotated[Path, typer.Option("--needle", help="Needle file.", show_default=False)],
+    needle: Annotated[Path, Option(help="Needle file.", show_default=False)],
     out: Out,
     scene: SceneFile = None,
     film: WithFilm = False,
@@ -67,9 +67,9 @@ def advise(
 
 def plan(
     run: Run,
-    source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file for tissue at rest.")],
+    source: Annotated[Path, Argument(help="Folder of a recording, or a scene file for tissue at rest.")],
     out: Out,
-    plan_file: Annotated[Path, typer.Option("--plan", help="Plan file: needle, skin and obstacles.")],
+    plan_file: Annotated[Path, Option("--plan", help="Plan file: needle, skin and obstacles.")],
     scene: SceneFile = None,
     vector: Vector = None,
     force: Force = False,
@@ -95,26 +95,18 @@ def insert(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of runs of each policy.")] = 2000,
-    scene: Annotated[
-        Path | None, typer.Option("--scene", help="Scene of the filter; default: the scene of the scenario.")
-    ] = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: insertion from above.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the first run.")] = None,
-    speed_mm_s: Annotated[
-        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Needle speed [mm/s]; default: 50.")
-    ] = None,
+    runs: Annotated[int, Option(min=1, help="Number of runs of each policy.")] = 2000,
+    scene: Annotated[Path | None, Option(help="Scene of the filter; default: the scene of the scenario.")] = None,
+    needle: Annotated[Path | None, Option(help="Needle file; default: insertion from above.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed of the first run.")] = None,
+    speed_mm_s: Annotated[float | None, Option(min=10.0, max=1000.0, help="Needle speed [mm/s]; default: 50.")] = None,
     radius_mm: Annotated[
-        float | None,
-        typer.Option("--radius-mm", help="Radius of the lesion [mm]; default: from needle file or scene, else 5."),
+        float | None, Option(help="Radius of the lesion [mm]; default: from needle file or scene, else 5.")
     ] = None,
     advice: Annotated[
-        bool,
-        typer.Option("--advice/--no-advice", help="Also evaluate `softaim advise`; triples the time."),
+        bool, Option("--advice/--no-advice", help="Also evaluate `softaim advise`; triples the time.")
     ] = True,
-    strength: Annotated[
-        float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on the forces of pokes and breathing.")
-    ] = 1.0,
+    strength: Annotated[float, Option(min=0.01, max=1000.0, help="Factor on the forces of pokes and breathing.")] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
     vector: Vector = None,

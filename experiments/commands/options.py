@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 SHIPPED = tuple(sorted(path.stem for path in Path(__file__).parents[1].glob("scenarios/*.toml")))
 """Names of the shipped scenarios."""
@@ -20,47 +20,35 @@ def scenarios(incomplete: str) -> list[str]:
 
 
 ScenarioName = Annotated[
-    str,
-    typer.Argument(help=f"Scenario file, or shipped scenario: {', '.join(SHIPPED)}.", autocompletion=scenarios),
+    str, Argument(help=f"Scenario file, or shipped scenario: {', '.join(SHIPPED)}.", autocompletion=scenarios)
 ]
-Out = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.", show_default=False)]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
-RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
+Out = Annotated[Path, Option("--out", help="Output folder; created if missing.", show_default=False)]
+Force = Annotated[bool, Option("--force", help="Write into a folder that is not empty.")]
+RecordingFolder = Annotated[Path, Argument(help="Folder of the recording.")]
 Fps = Annotated[
     float | None,
-    typer.Option(
+    Option(
         "--fps",
         min=0.001,
         max=1e5,
         help="Frame rate [frames/s] of a picture folder or the phantom; replaces a film's rate.",
     ),
 ]
-SceneFile = Annotated[
-    Path | None, typer.Option("--scene", help="Scene file to use in place of the scene of the recording.")
-]
+SceneFile = Annotated[Path | None, Option("--scene", help="Scene file to use in place of the scene of the recording.")]
 WithFilm = Annotated[
     bool,
-    typer.Option(
+    Option(
         "--film",
         help="Write an annotated film.avi (in space film.NAME.avi for each camera) and worst.png (worst frames).",
     ),
 ]
-SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result as one JSON object; messages go to standard error.")
-]
-Vector = Annotated[
-    Literal["pdf", "svg"] | None, typer.Option("--vector", help="Also write each picture as a vector file.")
-]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Report inputs, choices and the time of each stage.")]
-Replace = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
+SceneOut = Annotated[Path, Option("--out", help="Scene file to write.", show_default=False)]
+AsJson = Annotated[bool, Option("--json", help="Print the result as one JSON object; messages go to standard error.")]
+Vector = Annotated[Literal["pdf", "svg"] | None, Option("--vector", help="Also write each picture as a vector file.")]
+Verbose = Annotated[bool, Option("--verbose", "-v", help="Report inputs, choices and the time of each stage.")]
+Replace = Annotated[bool, Option("--force", help="Replace an existing file.")]
 Processes = Annotated[
-    int | None,
-    typer.Option("--processes", min=1, help="Number of processes on this machine; default: one per core."),
+    int | None, Option("--processes", min=1, help="Number of processes on this machine; default: one per core.")
 ]
-Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", help="Address of a Dask scheduler that distributes the runs.")
-]
-Minutes = Annotated[
-    float, typer.Option("--minutes", min=0.01, help="Time limit [min]; then the best result is written.")
-]
+Scheduler = Annotated[str | None, Option("--scheduler", help="Address of a Dask scheduler that distributes the runs.")]
+Minutes = Annotated[float, Option("--minutes", min=0.01, help="Time limit [min]; then the best result is written.")]

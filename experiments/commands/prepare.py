@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, Replace, ScenarioName, Vector
 from experiments.commands.run import Answer, Run
@@ -18,76 +18,54 @@ OF_MESH = ("--unit", "--size-mm", "--fixed", "--still", "--marks", "--target", "
 
 def new(
     run: Run,
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the project; new or empty.")],
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder of the project; new or empty.")],
     kind: Annotated[
         Literal["plane", "breast", "mesh"],
-        typer.Option("--kind", help="plane: flat phantom; breast: soft hemisphere on a wall; mesh: your own body."),
+        Option(help="plane: flat phantom; breast: soft hemisphere on a wall; mesh: your own body."),
     ] = "plane",
-    masses: Annotated[
-        int | None, typer.Option("--masses", help="Number of masses; default: 5 for plane, 10 for breast.")
-    ] = None,
+    masses: Annotated[int | None, Option(help="Number of masses; default: 5 for plane, 10 for breast.")] = None,
     young_kpa: Annotated[
-        float | None, typer.Option("--young-kpa", min=0.01, help="Young's modulus of breast or mesh [kPa]; default 5.")
+        float | None, Option(min=0.01, help="Young's modulus of breast or mesh [kPa]; default 5.")
     ] = None,
     nodes: Annotated[
-        Path | None,
-        typer.Option(
-            "--nodes", help="CSV of a spring network's nodes: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."
-        ),
+        Path | None, Option(help="CSV of a spring network's nodes: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target].")
     ] = None,
-    springs: Annotated[
-        Path | None, typer.Option("--springs", help="CSV of springs: from,to[,stiffness_N_m,damping_N_s_m,group].")
-    ] = None,
+    springs: Annotated[Path | None, Option(help="CSV of springs: from,to[,stiffness_N_m,damping_N_s_m,group].")] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option(
-            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; needs the extra `mesh`."
-        ),
+        Option(help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; needs the extra `mesh`."),
     ] = None,
     unit: Annotated[
-        Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: length unit of the file; required.")
+        Literal["mm", "cm", "m"] | None, Option(help="With --mesh: length unit of the file; required.")
     ] = None,
-    size_mm: Annotated[
-        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of new tetrahedra [mm].")
-    ] = None,
+    size_mm: Annotated[float | None, Option(min=0.1, help="With --mesh: edge length of new tetrahedra [mm].")] = None,
     fixed: Annotated[
-        str | None,
-        typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
+        str | None, Option(help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.')
     ] = None,
-    still: Annotated[
-        bool, typer.Option("--still", help="With --fixed: the wall of these nodes does not move.")
-    ] = False,
+    still: Annotated[bool, Option("--still", help="With --fixed: the wall of these nodes does not move.")] = False,
     marks: Annotated[
-        str | None,
-        typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
+        str | None, Option(help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="With --mesh: x,y,z of the target [mm]; default: middle of the body.")
+        str | None, Option(help="With --mesh: x,y,z of the target [mm]; default: middle of the body.")
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option(
-            "--target-sd-mm",
-            min=0.0,
-            help="With --mesh: standard deviation of the target's position per axis [mm]; default: 0 (exact).",
+        Option(
+            min=0.0, help="With --mesh: standard deviation of the target's position per axis [mm]; default: 0 (exact)."
         ),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option(
-            "--field", help="With --mesh: data field with the share of gland (0 to 1), or with labels for --region."
-        ),
+        Option(help="With --mesh: data field with the share of gland (0 to 1), or with labels for --region."),
     ] = None,
     region: Annotated[
         list[str] | None,
-        typer.Option(
-            "--region",
-            help="With --mesh: LABEL=TISSUE; repeat for several. Tissues: fat, gland, fibrous, skin, fascia, muscle.",
+        Option(
+            help="With --mesh: LABEL=TISSUE; repeat for several. Tissues: fat, gland, fibrous, skin, fascia, muscle."
         ),
     ] = None,
-    seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's random deviations from the scene.")
-    ] = 0,
+    seed: Annotated[int, Option(min=0, help="Seed of the simulated tissue's random deviations from the scene.")] = 0,
     force: Force = False,
 ) -> Answer:
     """Create a project folder with a scene, simulated tissue for practice, a needle, and a list of steps."""
@@ -125,19 +103,15 @@ def new(
 
 def check(
     run: Run,
-    scene: Annotated[Path, typer.Argument(help="Scene file, or folder of a recording.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for check.png and check.json.")] = None,
+    scene: Annotated[Path, Argument(help="Scene file, or folder of a recording.")],
+    out: Annotated[Path | None, Option(help="Folder for check.png and check.json.")] = None,
     fps: Annotated[
-        float | None,
-        typer.Option("--fps", min=0.1, max=1e5, help="Frame rate [frames/s]; default: from the recording, else 30."),
+        float | None, Option(min=0.1, max=1e5, help="Frame rate [frames/s]; default: from the recording, else 30.")
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option(
-            "--sd-mm",
-            min=1e-6,
-            max=1e3,
-            help="Standard deviation of marks per axis [mm]; default: from the recording or camera.",
+        Option(
+            min=1e-6, max=1e3, help="Standard deviation of marks per axis [mm]; default: from the recording or camera."
         ),
     ] = None,
     vector: Vector = None,
@@ -166,11 +140,9 @@ def simulate(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed; replaces the seed of the scenario.")] = None,
-    runs: Annotated[
-        int | None, typer.Option("--runs", min=1, help="Number of recordings OUT/seed-N, with successive seeds.")
-    ] = None,
-    film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film; with --no-film only marks.csv.")] = True,
+    seed: Annotated[int | None, Option(min=0, help="Seed; replaces the seed of the scenario.")] = None,
+    runs: Annotated[int | None, Option(min=1, help="Number of recordings OUT/seed-N, with successive seeds.")] = None,
+    film: Annotated[bool, Option("--film/--no-film", help="Write a film; with --no-film only marks.csv.")] = True,
     force: Force = False,
 ) -> Answer:
     """Simulate a scenario's tissue; write a recording (film or marks) and true positions."""
@@ -209,15 +181,12 @@ def simulate(
 
 def register(
     run: Run,
-    scene: Annotated[Path, typer.Argument(help="Scene file.")],
-    points: Annotated[Path, typer.Option("--points", help="marks.csv, or a recording that has one.")],
+    scene: Annotated[Path, Argument(help="Scene file.")],
+    points: Annotated[Path, Option(help="marks.csv, or a recording that has one.")],
     out: Annotated[
-        Path,
-        typer.Option("--out", help="Scene file to write; a mesh is written into the same folder.", show_default=False),
+        Path, Option(help="Scene file to write; a mesh is written into the same folder.", show_default=False)
     ],
-    seconds: Annotated[
-        float, typer.Option("--seconds", min=0.0, help="Average the points over this initial time [s].")
-    ] = 1.0,
+    seconds: Annotated[float, Option(min=0.0, help="Average the points over this initial time [s].")] = 1.0,
     force: Replace = False,
 ) -> Answer:
     """Register a scene's body rigidly to points measured on it, and report the error at the target."""

@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from experiments.errors import InputError, placed, shown
-from experiments.formats.outputs import write_whole
 from experiments.formats.toml_file import (
     VERSION,
     Name,
@@ -67,11 +66,6 @@ def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[f
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
         raise ValueError(f"rotation: expected a rotation matrix, found {shown(rotation)}")
     return Pose(R, 1e-3 * np.array(translation_mm, dtype=float))
-
-
-def write_camera_toml(calibration: Calibration, path: Path) -> None:
-    """Write `camera.toml`, completely or not at all; raises InputError."""
-    write_whole(path, camera_text(calibration))
 
 
 def camera_text(calibration: Calibration) -> str:

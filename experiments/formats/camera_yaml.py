@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,6 @@ from experiments.formats.camera_file import checked_lens
 from vision import Lens, quiet_opencv
 
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
-
-DISTORTION = "distortion_coefficients"
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
 """Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y."""
@@ -136,7 +133,9 @@ def _read(path: Path, text: str, name: str | None) -> LensFile:
         if not node.isInt() or not 1 <= node.real() < MOST_PX:
             raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", _found(node))
         size.append(int(node.real()))
-    matrix, distortion = (_matrix(f"{path}: {key}", file.getNode(key)) for key in ("camera_matrix", DISTORTION))
+    matrix, distortion = (
+        _matrix(f"{path}: {key}", file.getNode(key)) for key in ("camera_matrix", "distortion_coefficients")
+    )
     name = own_name.string() if own_name.isString() else name
     return LensFile(_lens(path, matrix, distortion), (size[0], size[1]), name)
 
@@ -168,12 +167,10 @@ def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
     flat = distortion.ravel()
     if len(flat) not in COEFFICIENTS or not np.isfinite(flat).all():
         expected = f"{', '.join(map(str, COEFFICIENTS[:-1]))} or {COEFFICIENTS[-1]} numbers, k1 k2 p1 p2 [k3 …]"
-        raise InputError.at(f"{path}: distortion_coefficients", expected, _reported(flat))
+        raise InputError.at(f"{path}: distortion_coefficients", expected, shown(flat.tolist()))
     if flat[12:].any():
-        raise InputError.at(f"{path}: distortion_coefficients", "a sensor that is not tilted", _reported(flat[12:]))
+        raise InputError.at(
+            f"{path}: distortion_coefficients", "a sensor that is not tilted", shown(flat[12:].tolist())
+        )
     with placed(path, ValueError):
         return checked_lens(matrix.tolist(), [*flat[:12].tolist(), *[0.0] * (5 - len(flat))], "camera_matrix")
-
-
-def _reported(values: Floats | Sequence[float]) -> str:
-    return shown(np.asarray(values).tolist())

@@ -23,7 +23,6 @@ from experiments.formats.films.pictures import (
 )
 from experiments.formats.films.several import CameraFilm, films_in, merged, read_films
 from experiments.formats.marks.drawing import first_marks_line
-from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import (
     AXES,
     MarkRow,
@@ -33,6 +32,7 @@ from experiments.formats.marks.rows import (
     cov_entries_mm2,
     cov_names,
     cov_of,
+    without_repeats,
 )
 from experiments.formats.marks.times import check_seconds, check_within
 from experiments.formats.scene.scene import Scene, usable_scene

@@ -9,9 +9,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from experiments.errors import InputError, placed, shown
-from experiments.formats.camera_file import camera_text, write_camera_toml
+from experiments.formats.camera_file import camera_text
 from experiments.formats.camera_yaml import LensFile, opencv_text, ros_text
-from experiments.formats.outputs import check_new
+from experiments.formats.outputs import check_new, write_whole
 from vision import (
     DICTIONARIES,
     FILMS,
@@ -171,7 +171,7 @@ def command(
     with folder(out) as inside:
         done = calibrate_together(board, seen, ground)
         for camera in done:
-            write_camera_toml(camera, inside / f"{camera.name}.toml")
+            write_whole(inside / f"{camera.name}.toml", camera_text(camera))
             for form in forms:
                 (inside / f"{camera.name}.{form}").write_bytes(picture(camera, form))
     return done

@@ -17,8 +17,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.films.several import exposures_of
-from experiments.formats.marks.repeats import without_repeats
-from experiments.formats.marks.rows import MarkRow
+from experiments.formats.marks.rows import MarkRow, without_repeats
 from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets

@@ -78,7 +78,8 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     times_s, frames = _frames_of(table.numbers["time_s"], exposures_s)
     if not (frames >= 0).any():
         span = f"{exposures_s[0]:g} to {exposures_s[-1]:g} s"
-        raise InputError.at(f"{path}: time_s", f"times of the recording's frames, {span}", _span(times_s))
+        found = f"{times_s.min():g} to {times_s.max():g} s" if len(times_s) else "no rows"
+        raise InputError.at(f"{path}: time_s", f"times of the recording's frames, {span}", found)
     covs = cov_of(np.stack([table.numbers[name] for name in cov_names(dim)], axis=1), dim)
     means = 1e-3 * np.stack([table.numbers[axis] for axis in AXES[:dim]], axis=1)
     return Estimates(table, columns, times_s, frames, means, covs)
@@ -99,7 +100,3 @@ def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)
     return np.where(found, exposures_s[frames], times_s), np.where(found, frames, -1)
-
-
-def _span(times_s: Floats) -> str:
-    return f"{times_s.min():g} to {times_s.max():g} s" if len(times_s) else "no rows"

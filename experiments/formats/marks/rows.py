@@ -1,7 +1,8 @@
-"""A mark from another tracker, and the order of covariance entries in files: xx, xy, yy, xz, yz, zz."""
+"""Marks from another tracker, repeated ones, and the order of covariance entries: xx, xy, yy, xz, yz, zz."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from pydantic import Field
 
 from experiments.arrays import Floats
 from experiments.formats.tables import Table
+from vision import FrozenValues, SourceEvent
 
 AXES = ("x_mm", "y_mm", "z_mm")
 
@@ -99,3 +101,20 @@ def check_limits(table: Table) -> Table:
         elif column.startswith("cov_"):
             table.check(column, np.abs(values) <= FARTHEST_MM**2, "-1e12 to 1e12")
     return table
+
+
+def values_of(marks: Iterable[MarkRow]) -> dict[str, tuple[float, ...]]:
+    """Positions of a frame's marks by node [m], for a comparison with other frames."""
+    return {mark.node: tuple(mark.position_m.tolist()) for mark in marks}
+
+
+def without_repeats(
+    times_s: Floats, marks: Sequence[Sequence[MarkRow]]
+) -> tuple[tuple[tuple[MarkRow, ...], ...], tuple[SourceEvent, ...]]:
+    """The marks of each frame, and the events FROZEN and RESUMED. Frames with repeated values get no marks."""
+    watch, used, events = FrozenValues(), [], []
+    for time_s, found in zip(times_s.tolist(), marks, strict=True):
+        repeats, noticed = watch.saw(time_s, values_of(found))
+        used.append(() if repeats else tuple(found))
+        events += noticed
+    return tuple(used), tuple(events)

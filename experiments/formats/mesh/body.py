@@ -56,7 +56,9 @@ def read_body(
     scale = _metres(source, unit)
     if not len(source.tetrahedra):
         check(scale * source.points[np.unique(source.triangles.nodes)], None)
-        return _from_surface(source, scale, size_m)
+        nodes, faces = checked_surface(path, scale * source.points, source.triangles.nodes)
+        mesh = tetrahedra(path, *filled(path, nodes, faces, size_m))
+        return Body(mesh, {}, {}, Cells(surface(mesh).faces))
     body = _volume(source, scale)
     check(body.mesh.nodes, body)
     return body if size_m is None else _coarser(path, body, size_m)
@@ -123,12 +125,6 @@ def tetrahedra(path: Path, nodes: Floats, elements: NDArray[np.int64]) -> TetMes
         elements = elements[:, [0, 2, 1, 3]]
     with placed(path, MeshError):
         return TetMesh(nodes, elements)
-
-
-def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
-    nodes, faces = checked_surface(source.path, scale * source.points, source.triangles.nodes)
-    mesh = tetrahedra(source.path, *filled(source.path, nodes, faces, size_m))
-    return Body(mesh, {}, {}, Cells(surface(mesh).faces))
 
 
 def _coarser(path: Path, body: Body, size_m: float) -> Body:

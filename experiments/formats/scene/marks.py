@@ -1,4 +1,4 @@
-"""Marks of a scene file: reading and writing of `[[mark]]`."""
+"""Marks of a scene file, `[[mark]]`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from experiments.arrays import Floats
-from experiments.formats.scene.schema import MarkTable
-from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
+from experiments.formats.toml_file import in_millimetres
 from vision import MarkHue, PlaneCamera
 
 HUE_KEYS = ("hue_deg", "half_width_deg", "min_saturation", "min_value")
@@ -47,16 +46,6 @@ class Mark:
     def coloured(self, hue: MarkHue) -> Mark:
         """A copy of the mark in another colour."""
         return replace(self, **{key: getattr(hue, key) for key in HUE_KEYS})
-
-
-def mark_of(table: MarkTable) -> Mark:
-    """The mark of a table, in metres."""
-    return Mark(**in_metres(table.model_dump()))
-
-
-def mark_lines(mark: Mark) -> list[str]:
-    """Lines of `[[mark]]`."""
-    return ["", "[[mark]]", *key_lines(mark_keys(mark))]
 
 
 def mark_keys(mark: Mark) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_together
 from experiments.formats.scene.cameras import Camera, camera_lines, camera_of
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
-from experiments.formats.scene.marks import Mark, mark_lines, mark_of
+from experiments.formats.scene.marks import Mark, mark_keys
 from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
 from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of, reference_places
@@ -33,7 +33,7 @@ from experiments.formats.scene.schema import (
     check_own_names,
 )
 from experiments.formats.scene.target import Target, target_lines, target_of
-from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
+from experiments.formats.toml_file import VERSION, in_metres, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
 
 POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
@@ -202,7 +202,7 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
         cameras = [_camera(i, camera, path.parent, network.dim) for i, camera in enumerate(file.camera)]
         return Scene(
             network=network,
-            marks=tuple(mark_of(table) for table in file.mark),
+            marks=tuple(Mark(**in_metres(table.model_dump())) for table in file.mark),
             target=target_of(file.target),
             cameras=tuple(camera for camera in cameras if isinstance(camera, PlaneCamera)),
             lenses=tuple(camera for camera in cameras if isinstance(camera, LensFile)),
@@ -314,7 +314,7 @@ def _content(scene: Scene) -> list[str]:
     network = scene.network
     lines = [f"version = {VERSION}", "", *_body_lines(scene)]
     for mark in scene.marks:
-        lines += mark_lines(mark)
+        lines += ["", "[[mark]]", *key_lines(mark_keys(mark))]
     lines += target_lines(scene.target)
     lines += reference_lines(scene.reference)
     if scene.uncertainty is not None:

@@ -19,22 +19,6 @@ from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from vision import PlaneCamera, fronto_parallel_camera
 
 
-@dataclass(frozen=True, slots=True)
-class ImportSettings:
-    """Settings of an import: which positions of a table are used, and their accuracy.
-
-    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
-    likelihood was set manually and is always used.
-    sd_px: standard deviation of a position on each axis [px]; choice: state the tracker's own error if it is known
-    """
-
-    least: float = 0.6
-    sd_px: float = 1.0
-
-
-DEFAULTS = ImportSettings()
-
-
 def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera:
     """A camera perpendicular to the plane, which only converts pixels to positions; origin_px: pixel of the origin."""
     first_m = (-1e-3 * mm_per_px * origin_px[0], 1e-3 * mm_per_px * origin_px[1])
@@ -68,7 +52,8 @@ def import_table(
     scene_path: Path,
     times: float | Path,
     *,
-    settings: ImportSettings = DEFAULTS,
+    least: float = 0.6,
+    sd_px: float = 1.0,
     renamed: Sequence[str] = (),
     scale: PlaneCamera | None = None,
     individual: str | None = None,
@@ -76,6 +61,9 @@ def import_table(
     """Read the marks of a table; raises InputError.
 
     times: frame rate [frames/s], or path of a frames.csv; individual: name of an animal, if the table has several
+    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
+    likelihood was set manually and is always used.
+    sd_px: standard deviation on each axis [px]; choice: state the tracker's own error if it is known
     renamed: `PART=NODE` if the node of a part has another name than the part; `PART=` to omit a part
     scale: a camera perpendicular to the plane, used instead of the scene's camera
     """
@@ -89,15 +77,15 @@ def import_table(
     nodes = _nodes(poses, scene, renamed)
     exposures_s = _exposures_s(poses, times)
     taken = np.isfinite(poses.places_px).all(axis=2) & np.array([node is not None for node in nodes])
-    likely = taken & ~(poses.likelihood < settings.least)
+    likely = taken & ~(poses.likelihood < least)
     camera = scene.cameras[0] if scale is None else scale
     last_px = np.array(camera.size_px) - 0.5
     inside = ((poses.places_px >= -0.5) & (poses.places_px <= last_px)).all(axis=2) | (scale is not None)
     seen = likely & inside
     if not seen.any():
-        raise InputError.at(table, f"marks with a likelihood of {settings.least:g} or more in the picture", "none")
+        raise InputError.at(table, f"marks with a likelihood of {least:g} or more in the picture", "none")
     marks: list[list[MarkRow]] = [[] for _ in exposures_s]
-    places_m, sds_m = _on_plane(poses, camera, seen, settings.sd_px)
+    places_m, sds_m = _on_plane(poses, camera, seen, sd_px)
     for (row, part), place_m, sd_m in zip(np.argwhere(seen), places_m, sds_m, strict=True):
         marks[poses.frames[row]].append(MarkRow(str(nodes[part]), place_m, float(sd_m)))
     unlikely, outside = int((taken & ~likely).sum()), int((likely & ~seen).sum())

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -44,19 +44,12 @@ from experiments.pipeline.live.warm_up import warm_up
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 
-@dataclass(frozen=True, slots=True)
-class LiveSettings:
-    """Waiting times of a live run.
+WAIT_S = 0.1
+"""Time without a frame after which the target is predicted and shown [s]; choice."""
 
-    wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: while no frame comes, the filter is predicted to `now - behind_s - 2 * frame_interval` [s]; choice
-    """
+BEHIND_S = 0.25
+"""While no frame comes, the filter is predicted to `now - BEHIND_S - 2 * frame_interval` [s]; choice."""
 
-    wait_s: float = 0.1
-    behind_s: float = 0.25
-
-
-LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
 
 LiveFrame = vision.Frame | vision.Exposure | MarksFrame
@@ -237,7 +230,7 @@ class Session:
             return
         self._note(Act.COAST, time_s=now_s)
         interval_s = self.interval_s
-        behind_s = now_s - (SOURCE.hung_s if interval_s is None else LIVE_DEFAULTS.behind_s + 2.0 * interval_s)
+        behind_s = now_s - (SOURCE.hung_s if interval_s is None else BEHIND_S + 2.0 * interval_s)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.counters.without_frame += 1
@@ -339,8 +332,7 @@ class Session:
     @property
     def wait_s(self) -> float:
         """Longest wait for a frame before the target is predicted [s]; `stale_s` of the needle's plan limits it."""
-        wait_s = LIVE_DEFAULTS.wait_s
-        return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
+        return WAIT_S if self.advice is None else min(WAIT_S, self.advice.plan.settings.stale_s)
 
     @property
     def interval_s(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Serves the page on a socket until the server's task is cancelled."""
+"""The page as an application of files, the schema and a WebSocket, served until the server's task is cancelled."""
 
 from __future__ import annotations
 
@@ -6,12 +6,19 @@ import asyncio
 import socket
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
 
 from experiments.servers.feed import Feed
-from experiments.servers.page.application import application
+from experiments.servers.page.access import Access, Guard
 from experiments.servers.page.bounded import MOST_HEAD, BoundedHttp, BoundedWebSocket
+from experiments.servers.page.stream import Stream
 
 MOST_INBOUND = 65_536
 """Largest number of bytes of a message from a client; a requirement."""
@@ -19,6 +26,36 @@ PING_S = 10.0
 """Interval of pings, and timeout of their answers [s]; choice: a lost client is dropped within twice this time."""
 LEAVING_S = 1
 """Time in which clients can close their connections when the server ends [s]; choice."""
+
+
+STATIC = Path(__file__).parent / "static"
+KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/schema+json",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+
+
+def application(feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> Starlette:
+    """The page at `/`, its files beside it, and the stream at `/stream`, for clients as in `Access`."""
+    access = Access(frozenset(host.lower() for host in hosts), token, read_open)
+    # all files are in memory, so that paths in requests never reach the disk
+    files = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*")) if path.suffix in KINDS}
+    held = {name: (path.read_bytes(), KINDS[path.suffix]) for name, path in files.items()}
+
+    async def file(request: Request) -> Response:
+        content, kind = held.get(request.path_params["name"] or "index.html", (None, ""))
+        if content is None:
+            return PlainTextResponse("not found\n", 404)
+        return Response(content, media_type=kind)
+
+    return Starlette(
+        routes=[WebSocketRoute("/stream", Stream(feed, access).serve), Route("/{name:path}", file)],
+        middleware=[Middleware(Guard, access=access)],
+    )
 
 
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:

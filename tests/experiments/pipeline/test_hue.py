@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.commands.app import app
+from experiments.commands.cameras import learned_hue
 from experiments.errors import InputError
-from experiments.pipeline.hue import hue_lines
 from vision import Disc, Lighting, draw_frame
 
 
@@ -24,7 +24,7 @@ def pictures(tmp_path: Path) -> Path:
 
 
 def test_the_keys_are_those_of_the_mark(pictures: Path) -> None:
-    keys = tomllib.loads("\n".join(hue_lines(str(pictures), "150,90", 1)))
+    keys = tomllib.loads("\n".join(map(str, learned_hue(str(pictures), "150,90", 1).shown)))
     assert keys["hue_deg"] == pytest.approx(130.0, abs=2.0)
     assert set(keys) == {"hue_deg", "half_width_deg", "min_saturation", "min_value"}
     reported = CliRunner().invoke(app, ["hue", str(pictures), "--at", "101,92"])
@@ -42,5 +42,5 @@ def test_the_keys_are_those_of_the_mark(pictures: Path) -> None:
 )
 def test_what_cannot_be_learned_is_reported(pictures: Path, at: str, frame: int, message: str) -> None:
     with pytest.raises(InputError) as fault:
-        hue_lines(str(pictures), at, frame)
+        learned_hue(str(pictures), at, frame)
     assert message in str(fault.value)

@@ -12,7 +12,7 @@ from typing import Protocol
 from estimators import MarkMeasurement
 from experiments.errors import InputError
 from experiments.formats.marks.drawing import FirstMarks, of_another_size
-from experiments.formats.marks.repeats import values_of
+from experiments.formats.marks.rows import values_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.marks.lines import SentFrame, read_line
 from experiments.pipeline.live.marks.sender_clock import OrderError, SenderClock

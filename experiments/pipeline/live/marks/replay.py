@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from experiments.arrays import Floats
-from experiments.formats.marks.repeats import without_repeats
-from experiments.formats.marks.rows import MarkRow
+from experiments.formats.marks.rows import MarkRow, without_repeats
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.track import measurement
 from vision import Closing, EventKind, SourceEvent

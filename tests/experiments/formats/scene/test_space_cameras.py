@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from experiments.errors import InputError
-from experiments.formats.camera_file import write_camera_toml
+from experiments.formats.camera_file import camera_text
 from experiments.formats.camera_yaml import LensFile
 from experiments.formats.scene.scene import SceneError, read_scene, scene_text, write_scene
 from experiments.formats.toml_file import toml_value
@@ -83,7 +83,7 @@ def test_cameras_calibrated_together_are_those_of_the_scene(tmp_path: Path) -> N
     right = noisy_views(BOARD, RIGHT, [TO_RIGHT.after(pose) for pose in at], 0.1, rng)
     both = [CameraViews("left", SIZE_PX, tuple(left)), CameraViews("right", SIZE_PX, tuple(right))]
     for done in calibrate_together(BOARD, both):
-        write_camera_toml(done, tmp_path / f"{done.name}.toml")
+        (tmp_path / f"{done.name}.toml").write_text(camera_text(done), encoding="utf-8")
     scene = read_scene(scene_with(tmp_path, 'file = "left.toml"', 'file = "right.toml"\ncalibration_sd_px = 0.1'))
     assert [len(camera.calibration) for camera in scene.space_cameras] == [30, 30]
     assert 2 < scene.n_calibration <= 30

@@ -11,7 +11,7 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene, write_scene
-from experiments.pipeline.exchange.marks import ImportSettings, import_table, plane_scale
+from experiments.pipeline.exchange.marks import import_table, plane_scale
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.exchange.recordings import tilted
 
@@ -67,7 +67,7 @@ def test_a_lens_and_a_tilt_are_undone() -> None:
     assert (seen(places_m) > 0).all()
     header = "track,frame_idx,M1.x,M1.y,M1.score,M4.x,M4.y,M4.score"
     Path("poses.csv").write_text(f"{header}\n,0,{u1},{v1},1,{u4},{v4},1\n")
-    done = import_table(Path("poses.csv"), Path("tilted.toml"), 1.0, settings=ImportSettings(sd_px=0.4))
+    done = import_table(Path("poses.csv"), Path("tilted.toml"), 1.0, sd_px=0.4)
     step = 1e-6
     for mark, place in zip(done.marks[0], places_m, strict=True):
         np.testing.assert_allclose(mark.position_m, place[:2], atol=1e-7)
@@ -144,9 +144,9 @@ def test_marks_beyond_the_horizon_are_refused() -> None:
     ],
 )
 def test_marks_beyond_all_sense_are_refused(mm_per_px: float, sd_px: float, message: str) -> None:
-    scale, settings = plane_scale(mm_per_px, (0.0, 0.0)), ImportSettings(sd_px=sd_px)
+    scale = plane_scale(mm_per_px, (0.0, 0.0))
     with pytest.raises(InputError, match=message):
-        import_table(Path("sleap.csv"), Path("scene.toml"), 10.0, scale=scale, settings=settings)
+        import_table(Path("sleap.csv"), Path("scene.toml"), 10.0, scale=scale, sd_px=sd_px)
 
 
 def test_a_body_in_space_has_no_depth_in_a_picture() -> None:

@@ -14,7 +14,7 @@ import vision
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.following import follow
-from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
+from experiments.pipeline.live.session import WAIT_S, Session
 from experiments.simulation.film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
@@ -112,9 +112,9 @@ def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_b
     # what is shown is of now: within two waits of the last frame, and all along
     coasting = [t for t, text in shown if "COASTING" in text]
     lost = [t for t, text in shown if "LOST" in text]
-    assert coasting[0] - (gap[0] + 0.02) <= 2 * LIVE_DEFAULTS.wait_s
-    assert lost[0] == pytest.approx(gap[0] + 1.0, abs=2 * LIVE_DEFAULTS.wait_s)
-    assert np.diff(coasting + lost).max() < 2 * LIVE_DEFAULTS.wait_s
+    assert coasting[0] - (gap[0] + 0.02) <= 2 * WAIT_S
+    assert lost[0] == pytest.approx(gap[0] + 1.0, abs=2 * WAIT_S)
+    assert np.diff(coasting + lost).max() < 2 * WAIT_S
     # sigma grows while nothing comes
     widths = [float(row["xx"]) for row in rows if gap[0] < float(row["time_s"]) < gap[0] + 1.0]
     assert widths[-1] > 2.0 * widths[0]

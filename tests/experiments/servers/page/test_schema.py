@@ -14,7 +14,7 @@ from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import read_scene
 from experiments.servers.commands import Command
 from experiments.servers.message import scene_message
-from experiments.servers.page.application import STATIC
+from experiments.servers.page.serving import STATIC
 from tests.experiments.servers.page import messages
 
 SCHEMA = json.loads((STATIC / "schema.json").read_text(encoding="utf-8"))
