@@ -117,7 +117,7 @@ SWITCHES: Mapping[str, Switch] = {
         "filter.HypothesisFilter._fitted tissue.TissueProcess.moved 20", patches={"tissue.TOLERANCE": np.inf}
     ),
     "linearisation error as noise": Switch(
-        "6", patches={"filter.HypothesisFilter._move": lambda own, *args, error=None: MOVE(own, *args)}
+        "6", patches={"filter.HypothesisFilter._move": lambda own, start, at, cov=None, **_: MOVE(own, start, at, cov)}
     ),
     "start under forces": Switch("tissue.TissueProcess._prior_of_motion 6", patches={"tissue.DISPLACED": 0.0}),
     "considered constants": Switch(
