@@ -179,17 +179,13 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("16 bit", 0.6, 0.8), ("all covered", 1.2, 2.3)]
+    ("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("all covered", 1.2, 2.3)]
 )
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
-    """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
+    """One seed of two faults; before and after them GO is shown, so that there is something to withhold."""
     found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.5) + seconds)
     assert found.go_shown_while_faulty == 0
     assert found.go > 20
-    if name == "16 bit":
-        assert found.noticed_ms is None
-        assert found.covered
-        return
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 1e3 * FAULTS[name].within_s
     assert found.recovered_ms is not None
