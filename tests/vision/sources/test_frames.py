@@ -77,7 +77,7 @@ def test_a_folder_with_gaps_or_other_counts_is_reported(folder: Path) -> None:
 
 def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """OpenCV's own code writes on the file descriptor of standard error."""
-    with pytest.raises(SourceError, match="none.avi: expected a video file, found no such file"):
+    with pytest.raises(SourceError, match=r"none.avi: expected a video file, found no such file"):
         VideoFileFrames(tmp_path / "none.avi")
     for name, content in {"text.avi": b"no film at all " * 50, "text.mp4": b"\0\0\0\x18ftypmp42" * 20}.items():
         (tmp_path / name).write_bytes(content)

@@ -178,9 +178,7 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("all covered", 1.2, 2.3)]
-)
+@pytest.mark.parametrize(("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("all covered", 1.2, 2.3)])
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
     """One seed of two faults; before and after them GO is shown, so that there is something to withhold."""
     found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.5) + seconds)

@@ -65,9 +65,9 @@ def film_s(starts_s, after_s):
 
 
 def test_unread_and_watched_by_many_it_goes_on_and_killed_all_but_its_last_second_can_be_read(tmp_path, monkeypatch):
-    """Closed outputs, 100 warnings, of which the first once ended the loop, and 18 viewers at once; 1 s later the disk
-    is full, which is said, and the process is killed.
+    """Closed outputs, 100 warnings, of which the first once ended the loop, and 18 viewers at once; killed 1 s later.
 
+    By then the disk is full, which is said, and its last second is the one before that.
     A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came.
     """
     monkeypatch.setattr(system, "N_WARNINGS", 100)
