@@ -91,7 +91,8 @@ def test_a_scripted_camera_is_a_live_one():
     """A picture that comes again is withheld, one of 16 bit is read, a failure is an event at once."""
     rng = np.random.default_rng(0)
     pictures = [rng.integers(0, 255, (8, 8, 3), dtype=np.uint8) for _ in range(4)]
-    given = [pictures[0], pictures[1], pictures[0], pictures[2].astype(np.uint16) * 257, None, pictures[3]]
+    sixteen = FAULTS["16 bit"].picture(pictures[2], ONSET_S, rng)
+    given = [pictures[0], pictures[1], pictures[0], sixteen, None, pictures[3]]
     frames = ScriptedFrames([Arrival(BEGAN_S + 0.1 * k, image) for k, image in enumerate(given)])
     taken = [frame.image for _ in range(12) if (frame := frames.next(0.1)) is not None]
     assert len(taken) == 4
