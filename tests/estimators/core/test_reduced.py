@@ -80,7 +80,7 @@ def marks_of(network, n_frames):
     frames = []
     for k in range(n_frames):
         pulled = 0.5 * np.sin(np.pi * k * HZ)
-        state[-4:] = [0.0, pulled, 0.5 * pulled, 4.0 * (4 <= k < 8)]
+        state[-4:] = [0.0, pulled, 0.5 * pulled, 4.0 * (3 <= k < 6)]
         state = motion.moves(state, HZ, HZ / 4.0, derivatives=False)[-1].state
         places = state[: 3 * len(free)].reshape(-1, 3)
         cov = 2.5e-7 * np.eye(3)
@@ -97,7 +97,7 @@ def estimates(network, frames):
 @pytest.fixture(scope="module")
 def both(body):
     """The filter in few shapes and that of all nodes after the same marks, with their estimates."""
-    frames = marks_of(body, 9)
+    frames = marks_of(body, 7)
     few = estimates(body, frames)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "FEWER", 0.0)

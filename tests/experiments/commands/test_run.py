@@ -1,10 +1,13 @@
 """What every run of a command leaves: provenance, log, one JSON object, and what was left out before it."""
 
+import errno
 import hashlib
 import json
+import os
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import typer
@@ -12,6 +15,7 @@ import typer
 from experiments.commands.app import COMMANDS
 from experiments.commands.run import Answer, Run, public, subcommand
 from experiments.formats.scene.scene import read_scene
+from experiments.pipeline.live.outputs import LiveTable
 from tests.experiments.command import softaim
 
 pytestmark = pytest.mark.usefixtures("here", "without_pictures")
@@ -146,6 +150,16 @@ def test_a_live_film_grows_beside_the_folder_that_it_is_called_in(monkeypatch: p
     assert softaim("live", "--source", "../film", "--out", ".", "--film", "--no-page") == 0
     assert Path("film.avi").is_file()
     assert not Path("../empty-film").exists()
+
+
+def test_a_live_run_goes_on_without_a_table_that_cannot_be_written(monkeypatch, capfd) -> None:
+    """As on a full disk: it is said, the film is followed to its end, and the exit code is 2."""
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr(LiveTable, "_add", Mock(side_effect=full))
+    assert softaim("live", "--source", "film", "--out", "out", "--no-page") == 2
+    shown = capfd.readouterr()
+    assert "3 frames, " in shown.out
+    assert shown.err.endswith("estimates.csv: expected a table that can be written, found no space left on device\n")
 
 
 def test_a_print_of_a_command_does_not_mix_with_its_json(capfd: pytest.CaptureFixture[str]) -> None:

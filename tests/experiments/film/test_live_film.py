@@ -24,7 +24,7 @@ from vision import Exposure, Frame, Lighting, SpaceCamera, count_frames
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    scenario = coarse_webcam().model_copy(update={"duration_s": 2.2})
+    scenario = coarse_webcam().model_copy(update={"duration_s": 1.1})
     rng = np.random.default_rng(1)
     scene = scene_of(scenario)
     truth = true_motion(scene.network, scenario, rng)
@@ -94,13 +94,13 @@ def test_a_folder_in_which_a_killed_run_left_its_film_is_not_written_over(tmp_pa
 
 @pytest.fixture(scope="module")
 def exposures() -> list[Exposure]:
-    """A body at rest before two cameras for 1.5 s; every third exposure is of the left one alone."""
+    """A body at rest before two cameras for 1.2 s; every third exposure is of the left one alone."""
     scene, rng = breast(), np.random.default_rng(1)
     images = {
         camera.name: draw_in_space(scene, camera, scene.network.positions, Lighting(), rng)
         for camera in scene.space_cameras
     }
-    return [Exposure(0.1 * k, images if k % 3 else {"left": images["left"]}) for k in range(16)]
+    return [Exposure(0.1 * k, images if k % 3 else {"left": images["left"]}) for k in range(13)]
 
 
 def filmed_in_space(exposures: list[Exposure], folder: Path) -> LiveFilm:
@@ -131,12 +131,12 @@ def coloured(picture: np.ndarray, camera: SpaceCamera, node: str) -> int:
 
 def test_in_space_each_camera_has_a_live_film_also_after_a_kill(exposures, tmp_path) -> None:
     """The target is yellow where the body has it; the five of six marks that face a camera are ringed."""
-    out, scene, n_pictures = tmp_path / "out", breast(), {"left": 16, "right": 10}
+    out, scene, n_pictures = tmp_path / "out", breast(), {"left": 13, "right": 8}
     out.mkdir()
     one = filmed_in_space(exposures, tmp_path)
     shutil.copytree(one.growing, tmp_path / "killed")
     one.finish(out)
-    assert (one.n_written, one.n_dropped, one.fault) == (26, 0, None)
+    assert (one.n_written, one.n_dropped, one.fault) == (21, 0, None)
     assert one.written == [out / "film.left.avi", out / "film.right.avi"]
     assert (out / "worst.png").exists()
     assert not one.growing.exists()
@@ -176,4 +176,4 @@ def test_a_fault_in_the_film_of_one_camera_does_not_end_the_other(exposures, tmp
     one.finish(out)
     assert "No space left" in str(one.fault)
     assert [path.name for path in out.glob("film*")] == ["film.right.avi"]
-    assert count_frames(out / "film.right.avi") == 10
+    assert count_frames(out / "film.right.avi") == 8

@@ -136,7 +136,7 @@ seen = st.dictionaries(st.sampled_from(MARKED), st.tuples(places, st.floats(1e-6
 
 
 @given(st.lists(st.tuples(st.integers(10**6, 5 * 10**9), seen), min_size=1, max_size=6))
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(folder: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
     """Times to 1e-9 s, positions to half of 1e-4 mm, deviations to nine digits."""
     times_s = 1e-9 * np.cumsum([step_ns for step_ns, _ in frames])

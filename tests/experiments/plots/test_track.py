@@ -1,6 +1,7 @@
 """Pictures of a track stay those of the body whatever the estimates are, and of a size that does not grow with it."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -54,12 +55,18 @@ def usual():
     return made_track(phantom(), small_errors(N, 2), np.full(N, 1e-3))
 
 
+@pytest.fixture(scope="module")
+def of_usual(usual):
+    """Figures of the usual track, each made once."""
+    return cache(lambda figure: figure(usual))
+
+
 @pytest.mark.parametrize(("far_m", "with_truth"), [(1e12, True), (np.nan, False)])
-def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_truth):
+def test_estimates_that_run_away_leave_the_path_where_it_was(of_usual, far_m, with_truth):
     """Limits within a tenth of those without them, and how many frames are outside, in the legend."""
     errors = ran_away(small_errors(N, 2), far_m)
     found = path_figure(made_track(phantom(), errors, np.full(N, 1e-3), with_truth=with_truth))
-    before = limits(path_figure(usual))
+    before = limits(of_usual(path_figure))
     np.testing.assert_allclose(limits(found), before, atol=0.1 * np.ptp(before[1, :2]))
     assert ("filter outside: 60 of 300 frames" in labels(found)) == (not np.isnan(far_m))
 
@@ -77,10 +84,10 @@ def test_ellipses_larger_than_the_picture_are_counted_and_not_drawn(usual):
 
 
 @pytest.mark.parametrize("far_m", [1e12, np.nan])
-def test_errors_that_run_away_leave_the_scale_to_the_others(usual, far_m):
+def test_errors_that_run_away_leave_the_scale_to_the_others(of_usual, far_m):
     track = made_track(phantom(), ran_away(small_errors(N, 2), far_m), ran_away(np.full(N, 1e-3), far_m))
     figure = error_figure(track)
-    for ax, before in zip(figure.axes, error_figure(usual).axes, strict=True):
+    for ax, before in zip(figure.axes, of_usual(error_figure).axes, strict=True):
         assert before.get_ylim()[1] <= ax.get_ylim()[1] <= 5.0 * before.get_ylim()[1]
         title = ax.get_title(loc="right")
         assert title.startswith("outside the plot: filter 60") == (not np.isnan(far_m))
@@ -93,9 +100,9 @@ def test_where_all_estimates_run_away_the_scale_is_the_bodys():
         assert ax.get_ylim()[1] == pytest.approx(size_mm, rel=0.05)
 
 
-def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
+def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual, of_usual):
     ax = consistency_figure(made_track(phantom(), ran_away(small_errors(N, 2), 1e9), np.full(N, 1e-3))).axes[0]
-    (low, high), before = ax.get_ylim(), consistency_figure(usual).axes[0].get_ylim()[1]
+    (low, high), before = ax.get_ylim(), of_usual(consistency_figure).axes[0].get_ylim()[1]
     assert max(high, before) < 100.0
     # squared errors by the variance of 1 mm an axis; nearly no error is off at the other end
     errors = np.array([e.mean for e in usual.estimates("filter")]) - usual.truth
@@ -211,9 +218,9 @@ def test_estimates_that_run_away_leave_a_path_in_space_where_it_was():
     np.testing.assert_allclose(found, before, atol=0.15 * np.ptp(before[0]))
 
 
-def test_the_path_is_coloured_by_time_and_nodes_have_names(usual):
+def test_the_path_is_coloured_by_time_and_nodes_have_names(usual, of_usual):
     """From the first exposure to the last; the network's names in the scene, and none close up."""
-    whole, close = path_figure(usual).axes[:2]
+    whole, close = of_usual(path_figure).axes[:2]
     for ax in (whole, close):
         path = next(c for c in ax.collections if c.get_array() is not None)
         np.testing.assert_allclose(path.get_array(), usual.times_s[:-1])

@@ -89,7 +89,7 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 @pytest.mark.slow
 @given(scenes())
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(tmp_path: Path, scene: Scene):
     """To 1e-9 of each value; positions are written to 1e-12 m."""
     path = tmp_path / "scene.toml"

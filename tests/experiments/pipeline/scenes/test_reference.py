@@ -49,7 +49,7 @@ def unfilmed_scene():
 def target_scores(change=(0.0, 0.0, 0.0)):
     """Mean error of the poked target [m], share covered; after 0.7 s the camera is moved by this, (3,)."""
     scene = unfilmed_scene()
-    scenario = read_scenario("poked").model_copy(update={"seed": 101, "duration_s": 1.5})
+    scenario = read_scenario("poked").model_copy(update={"seed": 101, "duration_s": 1.2})
     truth = true_motion(scene.network, scenario, np.random.default_rng(101))
     names, rng, cov = [scene.network.names[i] for i in scene.network.free], np.random.default_rng(7), 1e-6 * np.eye(2)
     still = reference_places(scene.reference, scene.network)

@@ -57,7 +57,7 @@ def exposure(scene, time_s, cameras, rng, positions=None):
 def truth(tmp_path_factory):
     folder, scene = tmp_path_factory.mktemp("truth"), breast()
     write_scene(scene, folder / "scene.toml")
-    (folder / "film.toml").write_text(SCENARIO.format(duration_s=0.8, stagger_s=0.0), "utf-8")
+    (folder / "film.toml").write_text(SCENARIO.format(duration_s=0.6, stagger_s=0.0), "utf-8")
     return true_motion(scene.network, read_scenario(str(folder / "film.toml")), np.random.default_rng(3))
 
 
@@ -93,7 +93,7 @@ BY_2_DEGREES = (0.0, 0.0, 0.0, np.radians(2.0), 0.0, 0.0)
 
 def test_the_target_before_cameras_that_are_moved_is_as_before_ones_that_stand(tracked, standing):
     """The left one by 10 mm, later the right one by 2 degrees."""
-    changes, moved_s = np.array([BY_10_MM, BY_2_DEGREES]), (0.25, 0.5)
+    changes, moved_s = np.array([BY_10_MM, BY_2_DEGREES]), (0.2, 0.4)
     error, covered, moves = tracked(lambda time_s, number: changes[number] * (time_s > moved_s[number]))
     assert error < 1.1 * standing[0]
     assert covered >= 0.9
@@ -131,7 +131,7 @@ def test_marks_are_covered_where_calibration_pose_and_stated_places_are_wrong():
         true = [moved(one, start, centre) for one, start in zip(true, starts, strict=True)]
         line, change = Line(scene, baseline=False), rng.normal(0.0, 0.007, 6)
         assert scene.n_calibration == len(scene.calibration_steps[0]) + 12
-        for k in range(3):
+        for k in range(2):
             cameras = [moved(true[0], change * (k > 0)), true[1]]
             step = line.see_all(exposure(drawn, k * DT, cameras, rng))
         (mark,) = (mark for mark in step.marks if mark.node == "S1")
@@ -175,9 +175,9 @@ def test_marks_that_no_reference_mark_corrects_are_known_less_and_less_well():
 def test_a_camera_moved_since_its_calibration_is_reported_and_corrected(tmp_path: Path, capsys):
     scene = marked()
     left, right = scene.space_cameras
-    folder = recorded(tmp_path, replace(scene, space_cameras=(moved(left, BY_10_MM), right)))
+    folder = recorded(tmp_path, replace(scene, space_cameras=(moved(left, BY_10_MM), right)), duration_s=0.2)
     write_scene(scene, tmp_path / "stated.toml")
-    assert softaim("track", folder, "--scene", tmp_path / "stated.toml", "--film", "--out", tmp_path / "out") == 0
+    assert softaim("track", folder, "--scene", tmp_path / "stated.toml", "--out", tmp_path / "out") == 0
     assert "camera left: moved by 10.0 mm, 0.0 deg: corrected by reference marks" in capsys.readouterr().err
     errors_mm = np.genfromtxt(tmp_path / "out" / "estimates.csv", delimiter=",", names=True)["err_mm"]
     assert errors_mm[3:].max() < 1.0

@@ -183,9 +183,6 @@ def test_the_filter_follows_a_displacement_that_it_does_not_know(tmp_path):
     assert (nees <= 7.81).mean() >= 0.9
 
 
-SOLVED = [method for method in WORDS if method != "open_loop"]
-
-
 def test_a_row_has_means_over_all_lungs_and_nothing_of_a_method_that_failed():
     found = [("right", 1.0, 1.0), ("right", 2.0, 1.0), ("right", 3.0, 1.0), ("left", 4.0, 9.0)]
     runs = pd.DataFrame(

@@ -91,7 +91,8 @@ def test_a_scripted_camera_is_a_live_one():
     """A picture that comes again is withheld, one of 16 bit is read, a failure is an event at once."""
     rng = np.random.default_rng(0)
     pictures = [rng.integers(0, 255, (8, 8, 3), dtype=np.uint8) for _ in range(4)]
-    given = [pictures[0], pictures[1], pictures[0], pictures[2].astype(np.uint16) * 257, None, pictures[3]]
+    sixteen = FAULTS["16 bit"].picture(pictures[2], ONSET_S, rng)
+    given = [pictures[0], pictures[1], pictures[0], sixteen, None, pictures[3]]
     frames = ScriptedFrames([Arrival(BEGAN_S + 0.1 * k, image) for k, image in enumerate(given)])
     taken = [frame.image for _ in range(12) if (frame := frames.next(0.1)) is not None]
     assert len(taken) == 4
@@ -178,18 +179,12 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("16 bit", 0.6, 0.8), ("all covered", 1.2, 2.3)]
-)
+@pytest.mark.parametrize(("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("all covered", 1.2, 2.3)])
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
-    """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
+    """One seed of two faults; before and after them GO is shown, so that there is something to withhold."""
     found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.5) + seconds)
     assert found.go_shown_while_faulty == 0
     assert found.go > 20
-    if name == "16 bit":
-        assert found.noticed_ms is None
-        assert found.covered
-        return
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 1e3 * FAULTS[name].within_s
     assert found.recovered_ms is not None
