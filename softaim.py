@@ -180,3 +180,9 @@ if not TYPE_CHECKING:  # with it, a type checker would assume that every name ex
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+if __name__ == "__main__":  # python -m softaim
+    from experiments.commands.app import main
+
+    main()

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -71,3 +72,10 @@ def test_every_package_has_types_for_others() -> None:
     assert all((ROOT / package / "py.typed").is_file() for package in packages)
     assert project["package-data"]["*"] == ["py.typed"]
     assert project["py-modules"] == ["softaim"]
+
+
+def test_the_module_runs_the_command(tmp_path: Path) -> None:
+    run, env = [sys.executable, "-m", "softaim", "check", "none.toml"], os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(run, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "softaim: none.toml: expected a file, found none\n"

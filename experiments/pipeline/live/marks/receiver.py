@@ -200,8 +200,10 @@ class LiveMarks(Closing):
         return None
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call, in order. A silent sender causes an event only while `next` runs."""
+        """The events since the last call, in order."""
         with self._changed:
+            if not (self.ended or self._finished):
+                self._events += self._watch.check(self.clock())
             events, self._events = tuple(self._events), []
         return events
 

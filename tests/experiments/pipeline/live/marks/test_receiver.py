@@ -125,6 +125,16 @@ def test_a_sender_that_falls_silent_is_blocked_and_resumes(bench) -> None:
     assert resumed == (EventKind.RESUMED, "after 3.00 s without a frame")
 
 
+def test_a_sender_that_never_sends_is_blocked_though_no_frame_is_waited_for(bench) -> None:
+    """As while a run is prepared; after the end nothing is missed."""
+    assert bench.marks.take_events() == ()
+    bench.now = 100.6
+    assert [event.kind for event in bench.marks.take_events()] == [EventKind.BLOCKED]
+    bench.marks.close()
+    bench.now = 107.0
+    assert bench.marks.take_events() == ()
+
+
 def test_another_clock_of_the_sender_is_reported(bench) -> None:
     for k in range(20):
         bench.now = 100.0 + 0.1 * k
