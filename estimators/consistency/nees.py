@@ -23,11 +23,20 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
     return np.einsum("ni,ni->n", e, solved)
 
 
+def _check(degrees: float, share: float) -> None:
+    if not 0.0 < share < 1.0:
+        raise ValueError(f"share: expected more than 0 and less than 1, found {share}")
+    if not degrees > 0.0:
+        raise ValueError(f"degrees: expected more than 0, found {degrees}")
+
+
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
     """Interval with equal tails that contains a chi-square variable with probability `share`.
 
     degrees: degrees of freedom of the variable
+    Raises ValueError if `share` is not between 0 and 1, or if `degrees` is not positive.
     """
+    _check(degrees, share)
     tail = 0.5 * (1.0 - share)
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
@@ -42,7 +51,11 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Share of the normalised squared errors, (n,), that do not exceed the chi-square quantile at `share`."""
+    """Share of the normalised squared errors, (n,), that do not exceed the chi-square quantile at `share`.
+
+    Raises ValueError if `share` is not between 0 and 1, or if `degrees` is not positive.
+    """
+    _check(degrees, share)
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 

@@ -29,8 +29,10 @@ def energy_score(
 
     The score is `E ‖X - truth‖ - E ‖X - X'‖ / 2` with random draws X, X'. In one dimension, it estimates `crps_normal`.
     means, truths: (n, d); covs: (n, d, d). Source: [gneiting2007], equation (22).
-    Raises numpy's LinAlgError for an invalid covariance.
+    Raises numpy's LinAlgError for an invalid covariance, and ValueError for less than two draws.
     """
+    if n_draws < 2:
+        raise ValueError(f"n_draws: expected 2 or more, found {n_draws}")
     mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))
     drawn = np.einsum("nij,kj->nki", roots, rng.standard_normal((n_draws, mean.shape[1])))

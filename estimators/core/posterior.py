@@ -65,8 +65,10 @@ class TissuePosterior:
         disturbances: Disturbances | None = None,
         discrepancy: Discrepancy | None = None,
     ) -> None:
-        if not marked:
-            raise ValueError("marked: expected one free node or more, found none")
+        if not marked or isinstance(marked, str):
+            raise ValueError(
+                f"marked: expected one free node or more, found {f'the text {marked!r}' if marked else 'none'}"
+            )
         self.settings = settings or FilterSettings()
         for name in (*marked, *self.settings.led_nodes):
             network.coordinates(name)  # raises NetworkError for an unknown name and for an anchor

@@ -41,7 +41,6 @@ UNMEASURED = 0.5
 FIX = "fix"
 """Name of a direct measurement of the target."""
 
-
 STATE = ["health", "rejected", "repairs", "log_likelihood", "residual_m"]
 STATE += ["_refuted_s", "_far_fix", "_seen_s", "_updated_s", "_placed"]
 """Attributes of `TissueFilter` that a snapshot copies, in addition to the hypotheses and the open-loop covariance."""
@@ -110,7 +109,10 @@ class TissueFilter(TissuePosterior):
         return FilterSnapshot(self.time_s, own, self.filter.state(), self.open_loop.cov)
 
     def restore(self, then: FilterSnapshot) -> None:
-        """Reset the state to a snapshot."""
+        """Reset the state to a snapshot. Raises ValueError for a snapshot of a filter with other states."""
+        expected = found = self.filter.means.shape
+        if then.filter is not None and (found := then.filter["means"].shape) != expected:
+            raise ValueError(f"snapshot: expected means of shape {expected}, found {found}")
         self.begin() if then.filter is None else self.filter.resume(then.filter)
         for key, value in then.own.items():
             setattr(self, key, copy(value))
@@ -210,7 +212,9 @@ class TissueFilter(TissuePosterior):
             for time_s in np.asarray(times_s, dtype=float).tolist():
                 self._ahead(time_s)
                 found.append(self.place_of(self.target))
-        return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
+        dim = self.network.dim
+        means, covs = [mean for mean, _ in found], [cov for _, cov in found]
+        return np.reshape(means, (-1, dim)), np.reshape(covs, (-1, dim, dim))
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:
         """Tables that predict the target at n_times times with the interval cycle_s [s], from the filter's time on."""

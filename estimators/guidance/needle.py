@@ -48,6 +48,9 @@ class Needle:
     bending_sd: float = 0.02
 
     def __post_init__(self) -> None:
+        if self.hit not in list(Hit):
+            raise ValueError(f"needle hit: expected {', '.join(Hit)}, found {self.hit}")
+        object.__setattr__(self, "hit", Hit(self.hit))
         for name in ("notch_offset_m", "tip_sd_m", "bending_sd"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"needle {name}: expected 0 or more, found {getattr(self, name)}")

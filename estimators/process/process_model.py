@@ -46,6 +46,13 @@ class ForceMode:
     poke: float
     lasting_s: float
 
+    def __post_init__(self) -> None:
+        for name in ("white", "poke"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"forces {name}: expected 0 or more, found {getattr(self, name)}")
+        if not self.lasting_s > 0.0:
+            raise ValueError(f"forces lasting_s: expected more than 0, found {self.lasting_s}")
+
 
 QUIET = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
 """Unknown forces while no poke acts; choice."""
@@ -57,6 +64,12 @@ class FixBias:
 
     sd_m: float
     lasting_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sd_m < np.inf:
+            raise ValueError(f"fix_bias sd_m: expected 0 or more, found {self.sd_m}")
+        if not self.lasting_s > 0.0:
+            raise ValueError(f"fix_bias lasting_s: expected more than 0, found {self.lasting_s}")
 
 
 class TissueModel:

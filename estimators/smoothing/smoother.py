@@ -49,7 +49,7 @@ class ForwardPass:
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
         """Update with the marks of a frame; returns the filter's estimate and the `Step` for a smoother.
 
-        Raises the errors of `TissueFilter.predict` and `TissueFilter.update`.
+        Raises the errors of `TissueFilter.predict` and `TissueFilter.update`; then the tissue is as before.
         """
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
@@ -60,10 +60,13 @@ class ForwardPass:
 
     def _taken(self, time_s: float, update: Callable[[], TargetEstimate]) -> tuple[TargetEstimate, Step]:
         before, is_begun, moves = self.tissue.filter, self.tissue.seen_s is not None, list[Move]()
-        before.trace = moves
+        then, before.trace = self.tissue.snapshot(), moves
         try:
             self.tissue.predict(time_s)
             estimate = update()
+        except BaseException:
+            self.tissue.restore(then)
+            raise
         finally:
             before.trace = None
         own = self.tissue.filter  # a restart replaces it

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from estimators.process.process_model import FixBias, ForceMode
 
 
@@ -45,3 +47,15 @@ class FilterSettings:
     test_s: float = 0.25
     test_sigmas: float = 10.0
     model_only_share: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("outlier_odds", "gate", "impulse_m_s", "impulse_s", "test_s", "test_sigmas", "model_only_share"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"settings {name}: expected more than 0, found {getattr(self, name)}")
+        for name in ("confirm_s", "lost_s", "forget_s"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"settings {name}: expected 0 or more, found {getattr(self, name)}")
+        if self.discrepancy is not None and not 0.0 <= self.discrepancy < np.inf:
+            raise ValueError(f"settings discrepancy: expected 0 or more, found {self.discrepancy}")
+        if isinstance(self.led_nodes, str):
+            raise ValueError(f"settings led_nodes: expected a list of names, found the text {self.led_nodes!r}")

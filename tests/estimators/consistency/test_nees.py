@@ -33,6 +33,20 @@ def test_coverage_counts_up_to_the_tables_95_percent_point(degrees, inside, outs
     assert coverage([inside, outside, inside, inside], degrees) == 0.75
 
 
+@pytest.mark.parametrize(
+    ("degrees", "share", "message"),
+    [
+        (2, 95, "share: expected more than 0 and less than 1, found 95"),
+        (2, 0.0, "share: expected"),
+        (0, 0.95, "degrees: expected more than 0, found 0"),
+    ],
+)
+def test_shares_in_percent_and_no_degrees_are_refused(degrees, share, message):
+    for function in (lambda: coverage([1.0], degrees, share), lambda: mean_bounds(degrees, 5, share)):
+        with pytest.raises(ValueError, match=message):
+            function()
+
+
 def test_normalised_squared_is_the_quadratic_form():
     """(3, 4) with variances 9 and 4 is 1 + 4; with covariance [[2, 1], [1, 2]] (1, 1) gives 2/3. Rounding."""
     covs = [np.diag([9.0, 4.0]), np.array([[2.0, 1.0], [1.0, 2.0]])]

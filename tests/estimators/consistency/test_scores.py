@@ -30,3 +30,8 @@ def test_transforms_of_right_predictions_are_uniform():
         means, sds = rng.normal(size=50), rng.uniform(0.1, 3.0, 50)
         low += kstest(pit_normal(means, sds, means + sds * rng.normal(size=50)), "uniform").pvalue < 0.05
     assert 1 <= low <= 13
+
+
+def test_an_energy_score_of_one_draw_is_refused():
+    with pytest.raises(ValueError, match="n_draws: expected 2 or more, found 1"):
+        energy_score(np.zeros((1, 2)), np.eye(2)[None], np.zeros((1, 2)), np.random.default_rng(1), n_draws=1)

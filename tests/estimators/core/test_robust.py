@@ -1,12 +1,13 @@
 """The filter under frames and bodies that are out of the ordinary."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, MarkMeasurement
+from estimators import FilterSettings, FixBias, ForceMode, MarkMeasurement
 from estimators.core import Places, TissueFilter
 from estimators.tissue.estimate import Status
 from experiments.simulation.bodies.zoo import make_body
@@ -79,6 +80,35 @@ def test_a_body_of_another_size_under_the_same_gravity_is_found_as_exactly_by_it
 def test_a_filter_without_marked_nodes_says_so(phantom):
     with pytest.raises(ValueError, match="marked: expected one free node or more, found none"):
         TissueFilter(phantom, HIDDEN, [])
+    with pytest.raises(ValueError, match="marked: expected one free node or more, found the text 'M1'"):
+        TissueFilter(phantom, HIDDEN, "M1")
+
+
+def test_a_snapshot_of_another_filter_is_refused_and_an_empty_path_has_the_usual_shapes(phantom):
+    tissue, other = TissueFilter(phantom, HIDDEN, OUTER), TissueFilter(phantom, HIDDEN, OUTER[:1])
+    other.predict(0.5)
+    with pytest.raises(ValueError, match=r"snapshot: expected means of shape \(\d+, \d+\), found"):
+        tissue.restore(other.snapshot())
+    assert tissue.time_s is None
+    assert [each.shape for each in other.predict_path([])] == [(0, 2), (0, 2, 2)]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: FilterSettings(gate=-1.0), "settings gate: expected more than 0, found -1.0"),
+        (lambda: FilterSettings(lost_s=np.nan), "settings lost_s: expected 0 or more, found nan"),
+        (lambda: FilterSettings(discrepancy=-0.1), "settings discrepancy: expected 0 or more, found -0.1"),
+        (lambda: FilterSettings(led_nodes="M1"), "settings led_nodes: expected a list of names, found the text 'M1'"),
+        (lambda: ForceMode(0.1, -5.0, 0.2), "forces poke: expected 0 or more, found -5.0"),
+        (lambda: ForceMode(0.1, 5.0, 0.0), "forces lasting_s: expected more than 0, found 0.0"),
+        (lambda: FixBias(-1e-3), "fix_bias sd_m: expected 0 or more, found -0.001"),
+        (lambda: FixBias(1e-3, 0.0), "fix_bias lasting_s: expected more than 0, found 0.0"),
+    ],
+)
+def test_settings_that_no_filter_can_have_are_refused(make, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        make()
 
 
 def test_errors_that_marks_share_are_correlated():

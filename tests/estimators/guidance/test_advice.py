@@ -10,6 +10,7 @@ from estimators import (
     Advice,
     AdviceSettings,
     GaussianMixture,
+    Hit,
     Insertion,
     Lesion,
     Needle,
@@ -18,6 +19,7 @@ from estimators import (
     advise,
     guide,
     hit_probability,
+    path_times,
 )
 from estimators.guidance.advice import RULES, Prospect, decide
 from tests.estimators.guidance.straight_down import DISC, DOWN, HEALTHY, NOW_S, TIP, at, path_of
@@ -149,6 +151,18 @@ def test_wait_where_the_target_is_out_of_reach():
     assert said.reason == "the needle does not reach the target within 4.0 s"
     assert (said.probability, said.best_in_s, said.best_probability) == (None, None, None)
     assert np.isinf(said.outlook.arrivals_s).all()
+
+
+@pytest.mark.parametrize("speed_m_s", [1e-6, 1e-300])
+def test_the_path_of_a_slow_needle_ends(speed_m_s):
+    """The latest start is in 2 s, and no needle is followed for more than 60 s."""
+    times = path_times(HEALTHY, replace(DOWN, speed_m_s=speed_m_s), TIP, AdviceSettings(), NOW_S)
+    assert times[-1] == pytest.approx(NOW_S + 62.0, abs=0.1)
+
+
+def test_a_part_of_the_needle_may_be_a_text():
+    assert Needle(hit="TIP") == Needle(hit=Hit.TIP)
+    assert Needle(hit="TIP").reach_m == 0.0
 
 
 def test_a_gain_that_is_not_worth_it_is_not_waited_for():
@@ -287,6 +301,11 @@ def test_a_turned_needle_that_never_arrives_is_turned_to_where_the_straight_one_
         (lambda: replace(DOWN, depth_m=-0.1), "insertion depth_m: expected 0 or more"),
         (lambda: replace(DOWN, axis=np.zeros(2)), "expected a finite entry and direction"),
         (lambda: replace(DOWN, axis=np.ones(3)), "expected entry and axis of length 2 or 3"),
+        (lambda: Needle(hit="POINT"), "needle hit: expected TIP, NOTCH, CORE, found POINT"),
+        (
+            lambda: guide(Filter(NOW_S), HEALTHY, Insertion(np.zeros(3), np.eye(3)[0], speed_m_s=0.1), DISC),
+            "dimensions: expected the same for estimate and insertion, found 2 and 3",
+        ),
         (
             lambda: advise(path_of(at(0.0, 0.0)), DOWN, Lesion.ball(1.0, 3)),
             r"dimensions: expected the same for path, insertion and lesion, found \(2, 2, 3\)",

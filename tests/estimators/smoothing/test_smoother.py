@@ -1,5 +1,7 @@
 """Smoothing against filterpy's, and of the phantom against the filter alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -120,6 +122,19 @@ def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, run):
         np.testing.assert_allclose(found[end].cov, whole[end - 5].cov, rtol=1e-9)
         assert found[end].status is whole[end - 5].status
     assert len(lag._passed) == 6
+
+
+def test_marks_that_are_refused_change_nothing(phantom, run):
+    """The frames after them are smoothed as if they had not come."""
+    lags = [FixedLag(new(phantom), lag_s=0.1) for _ in range(2)]
+    for k, frame in enumerate(run[0][:16]):
+        if k == 10:
+            with pytest.raises(ValueError, match="node"):
+                lags[1].take(frame[0] - 0.01, [replace(frame[1][0], node=HIDDEN)])
+        usual, found = (lag.take(*frame) for lag in lags)
+        if usual is not None:
+            np.testing.assert_array_equal(found.mean, usual.mean)
+            np.testing.assert_array_equal(found.cov, usual.cov)
 
 
 def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, run):
