@@ -111,12 +111,20 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
         If there are fewer than two points in the plane, or fewer than three points in space, or if the standard
         deviation of the rotation exceeds `LARGEST_RAD`, for example because the points are close to a line, or if the
         measured points lie at one place, or in space on one line.
+    ValueError
+        If shapes do not match, or if a number is not finite.
 
     References
     ----------
     [kabsch1976], [fitzpatrick1998]
     """
-    n_points, dim = drawn.shape
+    drawn, measured, covs = (np.asarray(each, dtype=float) for each in (drawn, measured, covs))
+    shapes, dim = (drawn.shape, measured.shape, covs.shape), drawn.shape[-1]
+    if dim not in (2, 3) or shapes != (expected := (len(drawn), dim), expected, (*expected, dim)):
+        raise ValueError(f"points: expected shapes (k, dim), (k, dim) and (k, dim, dim), found {shapes}")
+    if not all(np.isfinite(each).all() for each in (drawn, measured, covs)):
+        raise ValueError("points: expected finite numbers, found others")
+    n_points = len(drawn)
     least = f"{dim} or more points far from {'each other' if dim == 2 else 'one line'}"
     if n_points < dim:
         raise RegistrationError(f"expected {least}, found {n_points}")

@@ -168,3 +168,22 @@ def test_a_weighted_mean_is_that_of_least_squares() -> None:
     mean, cov = weighted_mean(places, covs)
     np.testing.assert_allclose(mean, expected, atol=1e-12)
     np.testing.assert_allclose(cov, np.linalg.inv(stacked.T @ stacked), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("measured", "covs", "message"),
+    [
+        (
+            np.zeros((3, 3)),
+            np.zeros((4, 3, 3)),
+            r"points: expected shapes .*, found \(\(4, 3\), \(3, 3\), \(4, 3, 3\)\)",
+        ),
+        (np.zeros((4, 3)), np.eye(3), r"points: expected shapes .*, found \(\(4, 3\), \(4, 3\), \(3, 3\)\)"),
+        (np.full((4, 3), np.nan), np.tile(np.eye(3), (4, 1, 1)), "points: expected finite numbers, found others"),
+    ],
+)
+def test_points_of_other_shapes_or_without_numbers_are_refused(
+    measured: np.ndarray, covs: np.ndarray, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        register_points(np.vstack([np.zeros(3), np.eye(3)]), measured, covs)
