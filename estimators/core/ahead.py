@@ -47,7 +47,12 @@ class AheadTables:
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
-        """Compute the tables from the model of a filter; the filter's state has no effect."""
+        """Compute the tables from the model of a filter; the filter's state has no effect.
+
+        Raises ValueError for less than one time, and for an interval that is not positive.
+        """
+        if n_times < 1 or not 0.0 < cycle_s < np.inf:
+            raise ValueError(f"n_times, cycle_s: expected 1 or more and more than 0, found {n_times} and {cycle_s}")
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
         rest[process.parts["position"]] = process.coordinates(tissue.rest)

@@ -257,14 +257,16 @@ class TissuePosterior:
         """Search region for the mark of a free node: centre [m], (dim,), and covariance [m²], (dim, dim).
 
         shared: shift of the mark per standard deviation of each calibration error, see `MarkMeasurement`; None: zero
+        Raises NetworkError for an unknown node and for an anchor.
         """
+        residual = self._residual(node)
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:
             rows = rows.copy()
             rows[:, calibration] = shared
         covs = self.filter.times(rows) @ rows.T
         widest = max(self._possible, key=lambda k: float(covs[k].trace()))
-        return rows @ self.filter.means[widest] + self._residual(node), covs[widest]
+        return rows @ self.filter.means[widest] + residual, covs[widest]
 
     def _residual(self, node: str) -> Floats:
         return self.residual_m[self.network.coordinates(node)]

@@ -119,15 +119,15 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     [kabsch1976], [fitzpatrick1998]
     """
     drawn, measured, covs = (np.asarray(each, dtype=float) for each in (drawn, measured, covs))
-    shapes, dim = (drawn.shape, measured.shape, covs.shape), drawn.shape[-1]
-    if dim not in (2, 3) or shapes != (expected := (len(drawn), dim), expected, (*expected, dim)):
-        raise ValueError(f"points: expected shapes (k, dim), (k, dim) and (k, dim, dim), found {shapes}")
-    if not all(np.isfinite(each).all() for each in (drawn, measured, covs)):
-        raise ValueError("points: expected finite numbers, found others")
-    n_points = len(drawn)
+    n_points, dim = len(drawn), drawn.shape[-1]
     least = f"{dim} or more points far from {'each other' if dim == 2 else 'one line'}"
     if n_points < dim:
         raise RegistrationError(f"expected {least}, found {n_points}")
+    shapes = drawn.shape, measured.shape, covs.shape
+    if dim not in (2, 3) or shapes != (expected := (n_points, dim), expected, (*expected, dim)):
+        raise ValueError(f"points: expected shapes (k, dim), (k, dim) and (k, dim, dim), found {shapes}")
+    if not all(np.isfinite(each).all() for each in (drawn, measured, covs)):
+        raise ValueError("points: expected finite numbers, found others")
     if np.linalg.matrix_rank(measured - measured.mean(axis=0), tol=LEAST_M) < dim - 1:
         where = "at one place" if dim == 2 else "on one line"
         raise RegistrationError(f"expected {least}, found {n_points} measured {where}")

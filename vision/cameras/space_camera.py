@@ -18,6 +18,9 @@ from vision.cameras.lens import Lens, Pose, by_calibration
 RADII = np.linspace(0.02, 4.0, 200)
 """Distances from mid-picture at which a test checks that a lens model is one-to-one [half diagonals]; numerical."""
 
+SKEW = 1e-4
+"""Largest error of the product of a rotation with its transpose [1]; numerical: files round it."""
+
 FAR_PX = 1e6
 """Distance from mid-picture beyond which `viewed` computes no distortion [px]; numerical: values may overflow there."""
 
@@ -53,6 +56,15 @@ class SpaceCamera:
             raise ValueError(
                 f"camera {self.name} calibration_sd_px: expected 0 or more, found {self.calibration_sd_px}"
             )
+        matrix, rotation = np.asarray(self.lens.matrix), np.asarray(self.pose.rotation)
+        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or min(matrix[0, 0], matrix[1, 1]) <= 0.0:
+            raise ValueError(f"camera {self.name} lens: expected a camera matrix, found {matrix.tolist()}")
+        if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=SKEW):
+            raise ValueError(f"camera {self.name} pose: expected a rotation, found {rotation.tolist()}")
+        if np.linalg.det(rotation) < 0.0:
+            raise ValueError(f"camera {self.name} pose: expected a rotation, found a reflection")
+        if np.shape(self.pose.translation_m) != (3,) or not np.isfinite(self.pose.translation_m).all():
+            raise ValueError(f"camera {self.name} pose: expected a translation, found {self.pose.translation_m}")
         calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
         calibration.setflags(write=False)
         object.__setattr__(self, "calibration", calibration)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER
+from dynamics import HIDDEN, OUTER, NetworkError
 from estimators import FilterSettings, FixBias, ForceMode, MarkMeasurement
 from estimators.core import Places, TissueFilter
 from estimators.tissue.estimate import Status
@@ -90,6 +90,11 @@ def test_a_snapshot_of_another_filter_is_refused_and_an_empty_path_has_the_usual
     with pytest.raises(ValueError, match=r"snapshot: expected means of shape \(\d+, \d+\), found"):
         tissue.restore(other.snapshot())
     assert tissue.time_s is None
+    with pytest.raises(ValueError, match=r"n_times, cycle_s: expected 1 or more and more than 0, found 3 and -0\.1"):
+        other.tables(3, -0.1)
+    for name in ("X", "In1"):
+        with pytest.raises(NetworkError, match=name):
+            other.expected(name)
     assert [each.shape for each in other.predict_path([])] == [(0, 2), (0, 2, 2)]
 
 

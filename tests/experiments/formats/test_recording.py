@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from dynamics import build_network, four_mass_phantom
@@ -136,6 +136,7 @@ seen = st.dictionaries(st.sampled_from(MARKED), st.tuples(places, st.floats(1e-6
 
 
 @given(st.lists(st.tuples(st.integers(10**6, 5 * 10**9), seen), min_size=1, max_size=6))
+@example([(8062697, {}), (10**6, {})])  # 1 ms apart but for rounding
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(folder: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
     """Times to 1e-9 s, positions to half of 1e-4 mm, deviations to nine digits."""

@@ -121,6 +121,11 @@ def test_errors_of_the_calibration_move_places_by_their_slope() -> None:
     [
         ({"size_px": (0, 480)}, "camera left size_px: expected width and height of at least 1, found"),
         ({"calibration_sd_px": -1.0}, "camera left calibration_sd_px: expected 0 or more, found -1.0"),
+        ({"lens": Lens(np.diag([-800.0, 790.0, 1.0]), np.zeros(5))}, "camera left lens: expected a camera matrix"),
+        ({"pose": Pose(2.0 * np.eye(3), np.zeros(3))}, "camera left pose: expected a rotation, found"),
+        ({"pose": Pose(np.diag([1.0, 1.0, -1.0]), np.zeros(3))}, "camera left pose: expected a rotation, found a refl"),
+        ({"pose": Pose(np.full((3, 3), np.nan), np.zeros(3))}, "camera left pose: expected a rotation, found"),
+        ({"pose": Pose(np.eye(3), np.full(3, np.inf))}, "camera left pose: expected a translation, found"),
     ],
 )
 def test_faults_are_named(keys: dict[str, object], message: str) -> None:
