@@ -93,7 +93,8 @@ class Prior:
 class Predicted:
     """Covariances of k modes after a transition, computed on demand.
 
-    shares, apart, covs, variances, noises: as in `mixed_rows`, with the unit matrix for H
+    shares, apart, covs, variances, noises: as in `mixed_rows`, with the unit matrix for H. `covs` includes the noise of
+        sources that are equal in all modes, and `variances` and `noises` are of the other sources
     added: variance of additional noise in each state, (k, n); the noise of different states is independent
     """
 
@@ -109,7 +110,8 @@ class Predicted:
         """Covariances after a transition of `before.means` to `means` (l, n). added (n,): variances of other noise."""
         shares, (n, m, _) = before.shares, transition.noises.shape
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
-        covs, differ = moved(before.covs, transition.matrix), np.ptp(variances[:, :n], axis=0) > 0.0
+        covs = moved(before.covs, transition.matrix)
+        differ = np.ptp(variances[:, :n], axis=0) > 0.0
         # noise that is equal in all modes is added to each hypothesis, because the shares of a mode sum to 1
         covs[:, :m, :m] += np.tensordot(variances[0, :n][~differ], transition.noises[~differ], 1)
         if transition.spread is not None:

@@ -19,12 +19,9 @@ from estimators.core.track import TissueFilter
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
-from estimators.guidance.path import TargetPath, kept_path, time_to
+from estimators.guidance.path import MOST_S, TargetPath, kept_path, time_to
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
-
-LATEST_S = 60.0
-"""The predicted path ends this time after the latest start of an insertion, even for a slow needle [s]; choice."""
 
 PATH_STEP_S = 1.0 / 30.0
 """Interval between the times of a predicted path [s]; numerical: half or twice this interval changes the mean hit
@@ -206,13 +203,14 @@ def path_times(
 ) -> Floats:
     """Times at which `guide` needs the predicted path [s], (k,): from now_s to the arrival of the latest insertion.
 
+    A path for a slow needle ends `MOST_S` after the latest start.
     Raises ValueError if the dimensions of the estimate and the insertion differ.
     """
     if len(estimate.mean) != len(insertion.entry):
         found = f"{len(estimate.mean)} and {len(insertion.entry)}"
         raise ValueError(f"dimensions: expected the same for estimate and insertion, found {found}")
     way_s = time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
-    n_times = int(np.ceil((settings.horizon_s + min(way_s, LATEST_S)) / PATH_STEP_S)) + 2
+    n_times = int(np.ceil((settings.horizon_s + min(way_s, MOST_S)) / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
 
 

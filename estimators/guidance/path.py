@@ -36,7 +36,7 @@ ASIDE_M = 0.05
 """Largest distance of the target from its rest position for which the tables last long enough [m]; choice."""
 
 MOST_S = 30.0
-"""Longest time that the tables cover, even for a slow needle [s]; choice."""
+"""Longest time from the latest start to the end of a predicted path, even for a slow needle [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -60,7 +60,8 @@ class ForwardPass:
 
     def _taken(self, time_s: float, update: Callable[[], TargetEstimate]) -> tuple[TargetEstimate, Step]:
         before, is_begun, moves = self.tissue.filter, self.tissue.seen_s is not None, list[Move]()
-        then, before.trace = self.tissue.snapshot(), moves
+        then = self.tissue.snapshot()
+        before.trace = moves
         try:
             self.tissue.predict(time_s)
             estimate = update()

@@ -49,10 +49,10 @@ class FilterSettings:
     model_only_share: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("outlier_odds", "gate", "impulse_m_s", "impulse_s", "test_s", "test_sigmas", "model_only_share"):
+        for name in ("outlier_odds", "gate", "test_sigmas", "model_only_share"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"settings {name}: expected more than 0, found {getattr(self, name)}")
-        for name in ("confirm_s", "lost_s", "forget_s"):
+        for name in ("impulse_m_s", "impulse_s", "confirm_s", "lost_s", "forget_s", "test_s"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"settings {name}: expected 0 or more, found {getattr(self, name)}")
         if self.discrepancy is not None and not 0.0 <= self.discrepancy < np.inf:

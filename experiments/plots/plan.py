@@ -290,11 +290,17 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     text = "\n".join(lines[:6])
     ax.text(0.0, 0.89, text, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
-        rows = []
-        for rank, k in enumerate(chosen):
-            angle, room = f"{np.degrees(found.angles[k]):.0f}°", 1e3 * found.clearance[k]
-            row = ["best" if rank == 0 else f"{rank + 1}", _place(found.entries[k]), f"{1e3 * found.lengths[k]:.0f}"]
-            rows.append([*row, angle, f"{found.hits[k]:.0%}", f"{room:.1f}" if np.isfinite(room) else "–"])
+        rows = [
+            [
+                "best" if rank == 0 else f"{rank + 1}",
+                _place(found.entries[k]),
+                f"{1e3 * found.lengths[k]:.0f}",
+                f"{np.degrees(found.angles[k]):.0f}°",
+                f"{found.hits[k]:.0%}",
+                "–" if not np.isfinite(found.clearance[k]) else f"{1e3 * found.clearance[k]:.1f}",
+            ]
+            for rank, k in enumerate(chosen)
+        ]
         heads = ["mm", f"entry {', '.join(AXES[: done.scene.network.dim])}", "depth", "angle", "hit", "room"]
         shown = ax.table(
             rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.43), cellLoc="center", edges="horizontal"

@@ -59,7 +59,8 @@ def row(across: int, deep: int) -> Row:
     network = continuum_network(mesh, TISSUES, fixed, points)
     tissue = _started(network)
     prepare_s = time.perf_counter() - began
-    saved, per_mb = pickle.dumps(network), 2**20 if sys.platform == "darwin" else 2**10
+    saved = pickle.dumps(network)
+    per_mb = 2**20 if sys.platform == "darwin" else 2**10
     return {
         "nodes": len(mesh.nodes),
         "elements": len(mesh.elements),

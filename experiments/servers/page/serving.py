@@ -59,7 +59,7 @@ def application(feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool
 
 
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:
-    """Serve a feed on a bound socket until cancelled, then close connections and socket; see `application`.
+    """Serve a feed on a bound socket until cancelled, then close connections and socket; clients: as in `Access`.
 
     The process itself handles signals.
     """

@@ -1,21 +1,12 @@
 """The page of the architecture is made from the code, and tells of a new import or room."""
 
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from experiments.studies import architecture
 from experiments.studies.architecture import PACKAGES, PAGE, draw, layers_of, page, rooms_of
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _read_once():
-    """Each module's imports are read once for all tests."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(architecture, "_imported", cache(architecture._imported))
-        yield
 
 
 def test_the_page_is_what_the_code_is() -> None:

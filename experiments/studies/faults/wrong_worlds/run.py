@@ -37,7 +37,7 @@ REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Do one run, and return its figures; case: `world`, `body`, `seed`, and optionally `duration_s` [s]."""
     world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
-    duration_s = float(case.get("duration_s", BODIES[case["body"]][1]))
+    duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     with quiet_folder() as folder:
         try:
             return counted(moments_of(world, scene, case["seed"], duration_s, folder))

@@ -30,23 +30,30 @@ from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion, moved
 
 
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A body, and the duration of its runs [s]."""
+
+    phantom: Callable[[], Phantom]
+    duration_s: float
+
+
 def _four_masses() -> Phantom:
     network = four_mass_phantom()
     return Phantom(network, HIDDEN, OUTER, ("springs",) * len(network.springs))
 
 
-BODIES: dict[str, tuple[Callable[[], Phantom], float]] = {
-    "four masses": (_four_masses, 12.0),
-    "light phantom": (lambda: planar_phantom(5), 12.0),
-    "breast": (lambda: breast_phantom(10), 8.0),
+BODIES = {
+    "four masses": Body(_four_masses, 12.0),
+    "light phantom": Body(lambda: planar_phantom(5), 12.0),
+    "breast": Body(lambda: breast_phantom(10), 8.0),
 }
-"""Function that creates each body, and the duration of the body's runs [s]."""
 
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
     """Scene of a body. Each mark has a colour, and no uncertainty is stated."""
-    scene = scene_with_marks(BODIES[name][0](), {})
+    scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
     return replace(scene, target=target, reference=Reference(), settings=FilterSettings())
 
@@ -57,6 +64,7 @@ Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
 
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 """Direction of the second breath, by dimension of the body. The first breath acts upwards."""
+
 
 TURNS_S = 4.0
 """Time at which gravity begins to turn [s]."""
@@ -173,9 +181,9 @@ class Seen:
     places: Floats
     middle: Floats
 
-    def since(self, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Whether each frame is exposed within lasts_s [s] from ONSET_S on, (n_frames,)."""
-        return (self.exposed_s >= ONSET_S) & (self.exposed_s < ONSET_S + lasts_s)
+    def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
+        """Whether each frame is exposed between begins_s and begins_s + lasts_s [s], (n_frames,)."""
+        return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
 Sees = Callable[[Seen, np.random.Generator], Seen]
