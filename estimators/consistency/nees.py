@@ -23,13 +23,6 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
     return np.einsum("ni,ni->n", e, solved)
 
 
-def _check(degrees: float, share: float) -> None:
-    if not 0.0 < share < 1.0:
-        raise ValueError(f"share: expected more than 0 and less than 1, found {share}")
-    if not degrees > 0.0:
-        raise ValueError(f"degrees: expected more than 0, found {degrees}")
-
-
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
     """Interval with equal tails that contains a chi-square variable with probability `share`.
 
@@ -62,3 +55,11 @@ def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
 def anees(squared: ArrayLike, degrees: int) -> float:
     """Mean NEES per degree of freedom, from NEES (n,): 1 if consistent, above 1 if overconfident. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees
+
+
+def _check(degrees: float, share: float) -> None:
+    """Raise ValueError unless the share is between 0 and 1 and there are degrees of freedom."""
+    if not 0.0 < share < 1.0:
+        raise ValueError(f"share: expected more than 0 and less than 1, found {share}")
+    if not degrees > 0.0:
+        raise ValueError(f"degrees: expected more than 0, found {degrees}")

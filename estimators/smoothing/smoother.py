@@ -54,7 +54,10 @@ class ForwardPass:
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """Update with a direct measurement of the target; returns the filter's estimate and a `Step`."""
+        """Update with a direct measurement of the target; returns the filter's estimate and a `Step`.
+
+        Raises the errors of `TissueFilter.predict` and `TissueFilter.fix`; then the tissue is as before.
+        """
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 

@@ -19,7 +19,7 @@ RADII = np.linspace(0.02, 4.0, 200)
 """Distances from mid-picture at which a test checks that a lens model is one-to-one [half diagonals]; numerical."""
 
 SKEW = 1e-4
-"""Largest error of the product of a rotation with its transpose [1]; numerical: files round it."""
+"""Largest error of a rotation's product with its transpose [1]; numerical: files round rotations."""
 
 FAR_PX = 1e6
 """Distance from mid-picture beyond which `viewed` computes no distortion [px]; numerical: values may overflow there."""
