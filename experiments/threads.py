@@ -41,6 +41,15 @@ def begin_helper() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
+def begin_follower() -> None:
+    """Set up a helper process that ends with its connection to the run: no reaction to SIGTERM either.
+
+    Service managers send SIGTERM to all processes of a run at once, and the run itself ends its helpers in order.
+    """
+    begin_helper()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
 @contextmanager
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
     """The given items in order; a thread computes each item while the caller processes earlier ones.

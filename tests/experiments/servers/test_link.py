@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -82,6 +83,17 @@ def test_the_loop_goes_on_when_the_process_is_killed(capfd):
         with pytest.raises(OSError, match="refused"):
             socket.create_connection((LOOPBACK, port), 1.0)
     assert capfd.readouterr().err.count("the process of page and network ended") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="a signal to a process")
+def test_the_process_leaves_its_end_to_the_run_when_all_processes_are_terminated(capfd):
+    with linked() as (link, _port):
+        link.begin(SCENE)
+        until(lambda: link._ready, STARTS_S)
+        os.kill(link._process.pid, signal.SIGTERM)
+    assert link._process.exitcode == 0
+    assert capfd.readouterr().err == ""
 
 
 def test_numbers_that_json_cannot_hold_are_null():
