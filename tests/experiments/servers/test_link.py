@@ -16,7 +16,7 @@ from pyigtl.messages import PointMessage
 
 from experiments.errors import InputError
 from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, listening, names_of, usual
-from experiments.servers.link import Link, jpeg, text_of
+from experiments.servers.link import MOST_REQUESTS, Link, jpeg, text_of
 from experiments.servers.opening import served
 from tests.experiments.servers.openigtlink.connections import SCENE, state
 from tests.experiments.waiting import until
@@ -94,6 +94,21 @@ def test_the_process_leaves_its_end_to_the_run_when_all_processes_are_terminated
         os.kill(link._process.pid, signal.SIGTERM)
     assert link._process.exitcode == 0
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.slow
+def test_many_positions_of_a_needle_leave_room_for_other_requests(caplog):
+    """Before the first estimate no request is taken, but a tracker may already send."""
+    with linked() as (link, _port):
+        poses = [{"command": "needle", "tip_mm": [float(k), 0.0], "direction": [0.0, 1.0]} for k in range(200)]
+        for one in (*poses, {"command": "reset"}, poses[0]):
+            link._add(one)
+        assert list(link.requests()) == [poses[-1], {"command": "reset"}, poses[0]]
+        for _ in range(MOST_REQUESTS + 2):
+            link._add({"command": "reset"})
+        assert len(list(link.requests())) == MOST_REQUESTS
+    refused = [one.getMessage() for one in caplog.records if "not done" in one.getMessage()]
+    assert refused == [f"not done: {n} requests, because {MOST_REQUESTS} others waited" for n in (1, 2)]
 
 
 def test_numbers_that_json_cannot_hold_are_null():
