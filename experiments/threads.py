@@ -8,7 +8,10 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
 
 Item = TypeVar("Item")
 
@@ -33,6 +36,18 @@ def one_thread_each() -> None:
     """Set the environment variables of ONE_THREAD that the user has not set. Call this before NumPy is imported."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))
+
+
+def start_helper(process: BaseProcess) -> None:
+    """Start a helper process. It inherits a blocked Ctrl-C, which could interrupt it before `begin_helper`."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        process.start()
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def begin_helper() -> None:

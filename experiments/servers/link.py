@@ -22,6 +22,7 @@ from experiments.log import LOG, SHOWN
 from experiments.plain import plain
 from experiments.servers.faces import Faces
 from experiments.servers.process import serve
+from experiments.threads import start_helper
 
 MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
@@ -48,7 +49,7 @@ class Link:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
-        self._process.start()
+        start_helper(self._process)
         theirs.close()
         self._changed = threading.Condition()
         self._scene: Mapping[str, Any] | None = None

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.threads import begin_follower
+from experiments.threads import begin_follower, start_helper
 
 PHANTOM, SCENARIO = "phantom", "webcam"
 """The simulated phantom: its name as a source of pictures, and the name of its scenario."""
@@ -58,7 +58,7 @@ class PhantomProcess:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=film, args=(theirs, fps), name="softaim phantom", daemon=True)
-        self._process.start()
+        start_helper(self._process)
         theirs.close()
         self._sent = b""
 
