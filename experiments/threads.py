@@ -8,7 +8,10 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
 
 Item = TypeVar("Item")
 
@@ -35,10 +38,31 @@ def one_thread_each() -> None:
         os.environ.setdefault(name, str(n_threads))
 
 
+def start_helper(process: BaseProcess) -> None:
+    """Start a helper process. It inherits a blocked Ctrl-C, which could interrupt it before `begin_helper`."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        process.start()
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def begin_helper() -> None:
     """Set up a helper process: one thread for each library, and no reaction to Ctrl-C."""
     one_thread_each()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def begin_follower() -> None:
+    """Set up a helper process that ends with its connection to the run: no reaction to SIGTERM either.
+
+    Service managers send SIGTERM to all processes of a run at once, and the run itself ends its helpers in order.
+    """
+    begin_helper()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 @contextmanager

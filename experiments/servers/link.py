@@ -22,6 +22,7 @@ from experiments.log import LOG, SHOWN
 from experiments.plain import plain
 from experiments.servers.faces import Faces
 from experiments.servers.process import serve
+from experiments.threads import start_helper
 
 MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
@@ -48,7 +49,7 @@ class Link:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
-        self._process.start()
+        start_helper(self._process)
         theirs.close()
         self._changed = threading.Condition()
         self._scene: Mapping[str, Any] | None = None
@@ -58,6 +59,7 @@ class Link:
         self._pictured_s = -float("inf")
         self.n_watching = 0
         self._requests: deque[Mapping[str, Any]] = deque()
+        self._n_refused = 0
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._send, self._receive)]
         for thread in self._threads:
             thread.start()
@@ -90,7 +92,9 @@ class Link:
     def requests(self) -> Iterator[Mapping[str, Any]]:
         """The requests of clients, in order; a request that the caller does not take waits for the next call."""
         while self._requests:
-            yield self._requests.popleft()
+            with self._changed:
+                request = self._requests.popleft()
+            yield request
 
     def close(self) -> None:
         """End the serving process."""
@@ -134,10 +138,21 @@ class Link:
                         self._changed.notify_all()
                     elif "fault" in found:
                         LOG.warning("%s", found["fault"])
-                    elif len(self._requests) < MOST_REQUESTS:
-                        self._requests.append(found)
+                    else:
+                        self._add(found)
         except (OSError, EOFError, ValueError) as error:
             self._broken(error)
+
+    def _add(self, request: Mapping[str, Any]) -> None:
+        """Let a request wait. A needle's position replaces one right before it. Refuse a request if too many wait."""
+        if self._requests and request["command"] == self._requests[-1]["command"] == "needle":
+            self._requests[-1] = request
+        elif len(self._requests) < MOST_REQUESTS:
+            self._requests.append(request)
+        else:
+            self._n_refused += 1
+            if not self._n_refused & (self._n_refused - 1):  # only the 1st, 2nd, 4th, 8th and so on
+                LOG.warning("not done: %d requests, because %d others waited", self._n_refused, MOST_REQUESTS)
 
     def _broken(self, error: Exception) -> None:
         with self._changed:

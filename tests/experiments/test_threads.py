@@ -1,11 +1,13 @@
 """Items made by a thread ahead of who takes them."""
 
+import signal
+import sys
 import threading
 from collections.abc import Iterator
 
 import pytest
 
-from experiments.threads import AHEAD, ahead
+from experiments.threads import AHEAD, ahead, start_helper
 from tests.experiments.waiting import SOON_S
 
 
@@ -53,3 +55,17 @@ def test_who_takes_no_more_leaves_no_thread_and_no_more_than_a_few_items_are_mad
         assert next(taken) == 1
     assert not threads()
     assert n_made <= 2 * AHEAD + 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals cannot be blocked")
+def test_a_helper_is_started_with_ctrl_c_blocked():
+    """It imports for seconds before it can ignore Ctrl-C itself."""
+    masks = []
+
+    class Helper:
+        def start(self) -> None:
+            masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+    start_helper(Helper())
+    assert signal.SIGINT in masks[0]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

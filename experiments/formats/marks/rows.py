@@ -86,7 +86,7 @@ def are_definite(covs: Floats) -> NDArray[np.bool_]:
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)
-    large = covs.diagonal(0, 1, 2).min(axis=1) >= (1e-3 * FINEST_MM) ** 2
+    large = covs.diagonal(0, 1, 2).min(axis=1) >= (1.0 - LEAST_SHARE) * (1e-3 * FINEST_MM) ** 2
     found: NDArray[np.bool_] = large & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
     return found
 

@@ -20,7 +20,7 @@ from numba.core.event import Listener, install_listener
 
 import vision
 from experiments.log import LOG
-from experiments.threads import begin_helper
+from experiments.threads import begin_helper, start_helper
 
 PREPARING = "preparing: frames are shown but not used yet"
 
@@ -114,7 +114,7 @@ def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, 
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True
     )
-    process.start()
+    start_helper(process)
     try:
         n_shown = _shown_until(lambda: not process.is_alive(), frames, show, n_shown)
     finally:

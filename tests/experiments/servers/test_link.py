@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from pyigtl.messages import PointMessage
 
 from experiments.errors import InputError
 from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, listening, names_of, usual
-from experiments.servers.link import Link, jpeg, text_of
+from experiments.servers.link import MOST_REQUESTS, Link, jpeg, text_of
 from experiments.servers.opening import served
 from tests.experiments.servers.openigtlink.connections import SCENE, state
 from tests.experiments.waiting import until
@@ -82,6 +83,32 @@ def test_the_loop_goes_on_when_the_process_is_killed(capfd):
         with pytest.raises(OSError, match="refused"):
             socket.create_connection((LOOPBACK, port), 1.0)
     assert capfd.readouterr().err.count("the process of page and network ended") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="a signal to a process")
+def test_the_process_leaves_its_end_to_the_run_when_all_processes_are_terminated(capfd):
+    with linked() as (link, _port):
+        link.begin(SCENE)
+        until(lambda: link._ready, STARTS_S)
+        os.kill(link._process.pid, signal.SIGTERM)
+    assert link._process.exitcode == 0
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.slow
+def test_many_positions_of_a_needle_leave_room_for_other_requests(caplog):
+    """Before the first estimate no request is taken, but a tracker may already send."""
+    with linked() as (link, _port):
+        poses = [{"command": "needle", "tip_mm": [float(k), 0.0], "direction": [0.0, 1.0]} for k in range(200)]
+        for one in (*poses, {"command": "reset"}, poses[0]):
+            link._add(one)
+        assert list(link.requests()) == [poses[-1], {"command": "reset"}, poses[0]]
+        for _ in range(MOST_REQUESTS + 2):
+            link._add({"command": "reset"})
+        assert len(list(link.requests())) == MOST_REQUESTS
+    refused = [one.getMessage() for one in caplog.records if "not done" in one.getMessage()]
+    assert refused == [f"not done: {n} requests, because {MOST_REQUESTS} others waited" for n in (1, 2)]
 
 
 def test_numbers_that_json_cannot_hold_are_null():

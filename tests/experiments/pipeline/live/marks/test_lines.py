@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from dynamics import build_network
 from experiments.errors import InputError
+from experiments.formats.marks.rows import cov_entries_mm2
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.target import Target
 from experiments.pipeline.live.marks.lines import LONGEST_LINE, read_line
+from experiments.pipeline.track import measurement
 from experiments.simulation.simulate import scene_of
 
 FLAT = scene_of(read_scenario("webcam"))
@@ -98,6 +100,15 @@ FAULTS = [
     ),
     (one(sd_mm="", cov_mm2="[1e13, 0, 1e13]"), "marks[0].cov_mm2[0]: expected 1e+12 or less, found 1"),
 ]
+
+
+@pytest.mark.parametrize("sd_mm", ["1e-6", "1e6"])
+def test_the_limits_of_sd_mm_are_accepted_as_a_covariance(sd_mm: str) -> None:
+    """A recording of a live run has covariances."""
+    sent = read_line(one(sd_mm=sd_mm).encode(), FLAT).marks[0]
+    xx, xy, yy = cov_entries_mm2(measurement(sent).cov)
+    (mark,) = read_line(one(sd_mm="", cov_mm2=f"[{xx}, {xy}, {yy}]").encode(), FLAT).marks
+    assert measurement(mark).cov == pytest.approx(measurement(sent).cov)
 
 
 @pytest.mark.parametrize(("line", "message"), FAULTS, ids=[f"{i}-{line[:30]}" for i, (line, _) in enumerate(FAULTS)])
