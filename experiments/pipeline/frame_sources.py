@@ -91,7 +91,7 @@ def open_each(
 
 def _recording_in(spec: str, scene_path: Path | None, fps: float | None) -> Recording | None:
     folder = Path(spec)
-    if not folder.is_dir() or not ((folder / "scene.toml").exists() or any(folder.glob("frames*.csv"))):
+    if spec == PHANTOM or not ((folder / "scene.toml").exists() or any(folder.glob("frames*.csv"))):
         return None
     without_fps(spec, fps, "a recording")
     return read_recording(folder, scene_path)

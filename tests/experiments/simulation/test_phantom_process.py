@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.frame_sources import open_source
 from experiments.simulation.phantom_camera import PhantomCamera
@@ -32,6 +33,16 @@ def moved(n_frames: int) -> np.ndarray:
         assert camera.grab()
         places.append(camera.positions)
     return np.array(places)
+
+
+def test_a_folder_of_the_phantoms_name_does_not_hide_it(tmp_path, monkeypatch):
+    (tmp_path / "phantom").mkdir()
+    (tmp_path / "phantom" / "scene.toml").touch()  # as in a project of that name
+    monkeypatch.chdir(tmp_path)
+    scene, _ = open_source("phantom", None, live=True, phantom=PhantomProcess.__new__(PhantomProcess))
+    assert scene is not None
+    with pytest.raises(InputError, match="found none"):
+        open_source("./phantom", None, live=True)
 
 
 @pytest.mark.slow
