@@ -41,7 +41,7 @@ class Discrepancy:
     ----------
     levels : tuple of float
         Possible standard deviations of the long-range field, relative to the extent of the network's nodes [1];
-        choice. The prior probability of each is inversely proportional to it.
+        choice. All are equally probable.
     noises : tuple of (float, float)
         Possible factors on the standard deviation of the marks' noise, each with its prior probability [1]; choice.
     short : float
@@ -62,7 +62,7 @@ class Discrepancy:
         Share of the fields' variance that remains at fixed nodes, because these may move, too [1]; choice.
     """
 
-    levels: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
+    levels: tuple[float, ...] = (0.003, 0.01, 0.03)
     noises: tuple[tuple[float, float], ...] = ((1.0, 0.99), (3.0, 0.01))
     short: float = 0.33
     lengths: tuple[float, float] = (1.5, 0.25)
@@ -117,8 +117,7 @@ class LevelPosterior:
         noises, odds = np.array(prior.noises).T
         self.prior, self.levels = prior, np.repeat(prior.levels, len(noises))
         self.noises = np.tile(noises, len(prior.levels))
-        shares = np.outer(1.0 / np.maximum(prior.levels, np.finfo(float).tiny), odds).ravel()
-        self.log_prior = np.log(shares / shares.sum())
+        self.log_prior = np.log(np.tile(odds / odds.sum(), len(prior.levels)) / len(prior.levels))
         self.log_weights = self.log_prior.copy()
         self.log_withheld = 0.0
 

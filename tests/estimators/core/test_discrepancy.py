@@ -65,8 +65,7 @@ def test_levels_and_noises_are_weighed_by_how_each_mark_follows_from_those_outsi
     level, noise = posterior.level, posterior.noise
     assert noise**2 == pytest.approx(0.99 + 0.01 * 9.0)
     posterior.update(y, S, fresh, R, groups)
-    total = sum(1.0 / level for level in prior.levels)
-    expected = np.log([odds / (level * total) for level in prior.levels for _, odds in prior.noises])
+    expected = np.log([odds / 3.0 for _ in prior.levels for _, odds in prior.noises])
     for k, (other, (times, _)) in enumerate(product(prior.levels, prior.noises)):
         moved = S + (other**2 - level**2) * fresh + (times**2 / noise**2 - 1.0) * R
         for group in groups:
@@ -77,7 +76,7 @@ def test_levels_and_noises_are_weighed_by_how_each_mark_follows_from_those_outsi
     np.testing.assert_allclose(posterior.log_weights, expected - np.logaddexp.reduce(expected), rtol=1e-9)
 
 
-@pytest.mark.parametrize(("true", "noise"), [(0.003, 1.0), (0.01, 1.0), (0.03, 1.0), (0.1, 1.0), (0.01, 3.0)])
+@pytest.mark.parametrize(("true", "noise"), [(0.003, 1.0), (0.01, 1.0), (0.03, 1.0), (0.01, 3.0)])
 def test_the_level_and_the_noise_that_drew_the_marks_are_found(true: float, noise: float) -> None:
     """40 frames of 12 marks on a body of 0.1 m, stated to 0.1 mm."""
     rng, prior = np.random.default_rng(5), Discrepancy()
@@ -97,14 +96,13 @@ def test_the_level_and_the_noise_that_drew_the_marks_are_found(true: float, nois
 def test_without_marks_the_level_goes_back_to_its_prior() -> None:
     posterior = LevelPosterior(Discrepancy())
     usual = posterior.level
-    posterior.log_weights = np.log(np.kron([0.997, 0.001, 0.001, 0.001], [0.5, 0.5]))
+    posterior.log_weights = np.log(np.kron([0.98, 0.01, 0.01], [0.5, 0.5]))
     assert posterior.level < 0.5 * usual
     assert posterior.noise == pytest.approx(5.0**0.5)
     posterior.forget(120.0)
     assert posterior.noise == pytest.approx(1.04, abs=0.02)
     assert posterior.level == pytest.approx(usual, rel=0.1)
-    levels = np.array(Discrepancy().levels)
-    assert usual**2 == pytest.approx(levels.sum() / (1.0 / levels).sum())
+    assert usual**2 == pytest.approx(np.mean(np.square(Discrepancy().levels)))
 
 
 def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
