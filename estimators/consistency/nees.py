@@ -16,11 +16,11 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
     """Squared Mahalanobis distance of each error, (n,): the NEES of an estimation error, or the NIS of an innovation.
 
     errors: (n, d); covs: (n, d, d), in the squared unit of the errors
-    Raises numpy's LinAlgError if a covariance is singular.
+    Raises numpy's LinAlgError if a covariance is not positive definite.
     """
-    e = np.asarray(errors, dtype=float)
-    solved = np.linalg.solve(np.asarray(covs, dtype=float), e[..., None])[..., 0]
-    return np.einsum("ni,ni->n", e, solved)
+    root = np.linalg.cholesky(np.asarray(covs, dtype=float))
+    white = np.linalg.solve(root, np.asarray(errors, dtype=float)[..., None])[..., 0]
+    return np.asarray((white**2).sum(axis=-1))
 
 
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:

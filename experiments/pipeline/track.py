@@ -208,7 +208,7 @@ def table(done: Track, method: str) -> pd.DataFrame:
 
 
 def _nees(error: Floats, truth_cov: Floats, cov: Floats | None) -> float:
-    """NEES of a frame: NaN if the error or its covariance is unknown, inf if the covariance is singular."""
+    """NEES of a frame: NaN if error or covariance is unknown, inf if the covariance is not positive definite."""
     if cov is None or not np.isfinite(error).all():
         return float("nan")
     try:

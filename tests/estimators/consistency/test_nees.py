@@ -53,9 +53,10 @@ def test_normalised_squared_is_the_quadratic_form():
     np.testing.assert_allclose(normalised_error_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
 
 
-def test_a_singular_covariance_is_an_error():
+@pytest.mark.parametrize("cov", [np.ones((2, 2)), np.diag([1.0, -1.0])])
+def test_a_covariance_that_is_not_positive_definite_is_an_error(cov):
     with pytest.raises(np.linalg.LinAlgError):
-        normalised_error_squared([[1.0, 1.0]], [np.ones((2, 2))])
+        normalised_error_squared([[1.0, 1.0]], [cov])
 
 
 def test_anees_is_one_where_the_covariance_is_right():
