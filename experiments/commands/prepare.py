@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, Replace, ScenarioName, Vector
 from experiments.commands.run import Answer, Run
-from experiments.errors import InputError
+from experiments.errors import InputError, shown
 
 OF_MESH = ("--unit", "--size-mm", "--fixed", "--still", "--marks", "--target", "--target-sd-mm", "--field", "--region")
 
@@ -195,10 +195,15 @@ def register(
     from experiments.formats.scene.scene import usable_scene
     from experiments.pipeline.register import registered, registration_lines, registration_report
 
+    if out.suffix != ".toml":
+        raise InputError.at("--out", "a name that ends in .toml", shown(str(out)))
     drawn, mesh = usable_scene(scene), out.with_suffix(".npz")
     check_new(out, force)
     if drawn.mesh is not None:
         check_new(mesh, force)
+        is_read = mesh.exists() and mesh.samefile(scene.parent / drawn.mesh.file)
+        if is_read and not (out.exists() and out.samefile(scene)):
+            raise InputError.at(mesh, f"another file than the mesh of {scene}", "the same")
     run.use(drawn)
     done = registered(drawn, points, seconds, mesh)
     run.write_scene(done.scene, out, "register", recording=points, inputs=[scene], force=force)

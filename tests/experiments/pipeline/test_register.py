@@ -169,6 +169,9 @@ def test_a_mesh_is_written_beside_and_held_where_it_was(tmp_path: Path) -> None:
     Path("out.toml").unlink()
     assert softaim("register", "scene.toml", "--points", "points.csv", "--out", "out.toml") == 2
     assert Path("out.npz").read_bytes() == mesh
+    drawn = Path("mesh.npz").read_bytes()
+    assert softaim("register", "scene.toml", "--points", "points.csv", "--out", "mesh.toml", "--force") == 2
+    assert Path("mesh.npz").read_bytes() == drawn
     again = register("--force")
     np.testing.assert_allclose(again.network.positions[0], found.network.positions[0] + 0.01, rtol=0, atol=1e-9)
 
