@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from experiments.commands.options import Force, Out, RecordingFolder, Replace, SceneFile
+from experiments.commands.options import FASTEST_FPS, SLOWEST_FPS, Force, Out, RecordingFolder, Replace, SceneFile
 from experiments.commands.run import Answer, Run
 from experiments.errors import InputError, coordinates, shown
 from experiments.plain import counted
@@ -62,7 +62,9 @@ def import_table(
     table: Annotated[Path, Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
     scene: Annotated[Path, Option(help="Scene file that has the marks of the table.", show_default=False)],
     out: Out,
-    fps: Annotated[float | None, Option(min=0.001, max=1e5, help="Frame rate of the film [frames/s].")] = None,
+    fps: Annotated[
+        float | None, Option(min=SLOWEST_FPS, max=FASTEST_FPS, help="Frame rate of the film [frames/s].")
+    ] = None,
     frames: Annotated[Path | None, Option(help="Table frames.csv of exposure times; replaces --fps.")] = None,
     least: Annotated[float, Option(min=0.0, max=1.0, help="Least likelihood of the positions to use.")] = 0.6,
     sd_px: Annotated[float, Option(min=1e-3, max=1e3, help="Standard deviation of a position per axis [px].")] = 1.0,

@@ -25,12 +25,15 @@ ScenarioName = Annotated[
 Out = Annotated[Path, Option("--out", help="Output folder; created if missing.", show_default=False)]
 Force = Annotated[bool, Option("--force", help="Write into a folder that is not empty.")]
 RecordingFolder = Annotated[Path, Argument(help="Folder of the recording.")]
+SLOWEST_FPS, FASTEST_FPS = 0.2, 1000.0
+"""Least and largest frame rate of a recording [1/s], as `SHORTEST_S` and `LONGEST_S` permit."""
+
 Fps = Annotated[
     float | None,
     Option(
         "--fps",
-        min=0.001,
-        max=1e5,
+        min=SLOWEST_FPS,
+        max=FASTEST_FPS,
         help="Frame rate [frames/s] of a picture folder or the phantom; replaces a film's rate.",
     ),
 ]

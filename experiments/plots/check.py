@@ -135,4 +135,5 @@ def _shares(ax: Axes, done: SceneCheck) -> None:
     ax.barh([node for node, _ in shown], [100.0 * share for _, share in shown], color=colours, ec="0.3", lw=0.4)
     ax.set_xlabel("share of information [%]")
     ax.set_ylim(min(-1.0, len(shown) - LEAST_BARS), len(shown))
-    ax.set_title("information by mark")
+    omitted = f"\nlargest {N_BARS} of {len(done.shares)}" if len(done.shares) > N_BARS else ""
+    ax.set_title(f"information by mark{omitted}")

@@ -9,6 +9,7 @@ from matplotlib.patches import Polygon
 from matplotlib.text import Annotation
 
 from experiments.formats.scene.scene import write_scene
+from experiments.plots import check as check_plot
 from experiments.plots.check import check_figure
 from experiments.plots.space import facing, two_views
 from experiments.projects.check import SceneCheck, checked
@@ -68,6 +69,14 @@ def test_a_body_in_space_is_seen_from_two_sides(done) -> None:
     assert "springs at rest" not in labels(figure)
     assert len(shares.patches) == 6
     assert np.isclose(sum(bar.get_width() for bar in shares.patches), 100.0)
+
+
+def test_bars_of_the_largest_shares_only_are_announced(done, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert check_figure(done).axes[-1].get_title(loc="left") == "information by mark"
+    monkeypatch.setattr(check_plot, "N_BARS", 4)
+    figure = check_figure(done)
+    check_printed(figure)
+    assert figure.axes[-1].get_title(loc="left") == "information by mark\nlargest 4 of 6"
 
 
 def springs_in(ax) -> list[LineCollection]:

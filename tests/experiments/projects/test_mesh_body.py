@@ -132,6 +132,14 @@ def test_marks_face_across_the_surface_of_the_mesh(tmp_path: Path, body: Path) -
     np.testing.assert_allclose(outward(scene, scene.measured_nodes), np.tile([0.0, 0.0, 1.0], (4, 1)), atol=1e-9)
 
 
+def test_two_marks_at_one_place_are_refused_in_their_table(tmp_path: Path, body: Path, capsys) -> None:
+    table = tmp_path / "marks.csv"
+    table.write_text("name,x_mm,y_mm,z_mm\nA,10,10,30\nB,20,10,30\nC,10,10,30.1\n", encoding="utf-8")
+    words = ("--kind", "mesh", "--mesh", body, *WALL, "--marks", table)
+    assert softaim("new", tmp_path / "made", *words) == 2
+    assert "marks.csv: row 4: x_mm: expected a place on the surface that no other mark has" in capsys.readouterr().err
+
+
 @pytest.fixture(scope="module")
 def soft(tmp_path_factory, body: Path) -> Path:
     """A project of one tissue of 4 kPa."""
