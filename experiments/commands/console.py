@@ -70,7 +70,9 @@ def fit_lines(ours: Row) -> list[str]:
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
-    lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+    refused = f"marks refused: {ours['marks_refused']}"
+    refused += f", fixes refused: {ours['fixes_refused']}" if ours.get("fixes_refused") else ""
+    lines = [f"Frames: {statuses}; {refused}", sentence(ours["verdict"])]
     if ours.get("variance_shares"):
         lines.append(
             f"Advice also uses errors that the scene does not state: sigma {ours['sigma_advice_mm']:.2g} mm at end; "

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from estimators import LeaveOneOutCheck, MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
+from estimators.core.track import FIX
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -113,7 +114,8 @@ def track(
                 checked.setdefault(node, []).append(one)
         advance(len(steps) / len(recording.exposures_s))
     counts: dict[str, float | int | None] = {
-        "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
+        "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != FIX),
+        "fixes_refused": line.filter.rejected[FIX],
         "repairs": sum(line.filter.repairs.values()),
         "swaps_undone": len(line.identity.swaps),
         "frames_frozen": frames_frozen(recording),

@@ -40,7 +40,7 @@ WITHOUT_TRUTH = {"frames", "frames_lost", "ms_per_frame"}
 OWN = {
     *("marks", "marks_verdict", "marks_refused", "sigma_mm", "sigma_most_mm", "mean_nis", "nis_low", "nis_high"),
     *("mark_noise", "repairs", "swaps_undone", "rest_offset_mm", "frames_by_status", "verdict", "frames_frozen"),
-    *("variance_shares", "sigma_advice_mm"),
+    *("variance_shares", "sigma_advice_mm", "fixes_refused"),
 }
 
 

@@ -86,6 +86,17 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, capsys):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["swaps_undone"] == 1
 
 
+@pytest.mark.usefixtures("without_pictures")
+def test_track_counts_refused_fixes(scene, places, tmp_path, capsys):
+    """A single fix 0.5 m off."""
+    frames = [(TIMES_S[k], [(m.node, m.position) for m in marks(places, k, since=FRAMES)]) for k in range(FRAMES)]
+    recording = write_recording(tmp_path / "rec", scene, frames, 1e3 * NOISE_M)
+    (recording / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n{TIMES_S[5]},500,188,1\n", encoding="utf-8")
+    assert softaim("track", recording, "--out", tmp_path / "out") == 0
+    assert "marks refused: 0, fixes refused: 1" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["fixes_refused"] == 1
+
+
 def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
     made = Line(scene, baseline=False).take(3.2, marks(places, 0))
