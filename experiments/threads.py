@@ -39,7 +39,7 @@ def one_thread_each() -> None:
 
 
 def start_helper(process: BaseProcess) -> None:
-    """Start a helper process. It inherits a blocked Ctrl-C, which could interrupt it before `begin_helper`."""
+    """Start a helper process with blocked Ctrl-C, which could otherwise interrupt it before `begin_helper`."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         process.start()
         return
@@ -50,19 +50,15 @@ def start_helper(process: BaseProcess) -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def begin_helper() -> None:
-    """Set up a helper process: one thread for each library, and no reaction to Ctrl-C."""
-    one_thread_each()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def begin_helper(*, connected: bool = False) -> None:
+    """Set up a helper process: one thread for each library, and no reaction to Ctrl-C.
 
-
-def begin_follower() -> None:
-    """Set up a helper process that ends with its connection to the run: no reaction to SIGTERM either.
-
-    Service managers send SIGTERM to all processes of a run at once, and the run itself ends its helpers in order.
+    connected: whether the process ends with its connection to the run. Then it ignores SIGTERM, too: service managers
+        send SIGTERM to all processes of a run at once, but the run itself ends these helpers in order.
     """
-    begin_helper()
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    one_thread_each()
+    for ignored in (signal.SIGINT, signal.SIGTERM) if connected else (signal.SIGINT,):
+        signal.signal(ignored, signal.SIG_IGN)
 
 
 @contextmanager

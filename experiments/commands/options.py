@@ -25,8 +25,9 @@ ScenarioName = Annotated[
 Out = Annotated[Path, Option("--out", help="Output folder; created if missing.", show_default=False)]
 Force = Annotated[bool, Option("--force", help="Write into a folder that is not empty.")]
 RecordingFolder = Annotated[Path, Argument(help="Folder of the recording.")]
+
 SLOWEST_FPS, FASTEST_FPS = 0.2, 1000.0
-"""Least and largest frame rate of a recording [1/s], as `SHORTEST_S` and `LONGEST_S` permit."""
+"""Least and largest frame rate of a recording [1/s]: 1 / `LONGEST_S` and 1 / `SHORTEST_S`; choice."""
 
 Fps = Annotated[
     float | None,

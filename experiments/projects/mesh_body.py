@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.distance import pdist
 
 from dynamics.mesh import MeshError, TetMesh, far_apart, locate, locate_on_surface
 from experiments.arrays import Floats
@@ -27,7 +27,7 @@ from experiments.formats.mesh.project_file import (
     mesh_content,
 )
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.mesh import APART_M, mesh_network, mesh_table
+from experiments.formats.scene.mesh import coinciding, mesh_network, mesh_table
 from experiments.formats.scene.network import is_node_name
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -275,8 +275,8 @@ def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Fl
             f"{1e3 * away[row]:.3g} mm",
         )
     places = np.einsum("kc,kcd->kd", weights, mesh.nodes[faces[corner]])
-    same = np.tril(squareform(pdist(places)) < APART_M, -1)
-    table.check("x_mm", ~same.any(axis=1), "a place on the surface that no other mark has")
+    is_first = ~np.isin(np.arange(len(places)), coinciding(places)[:, 1])
+    table.check("x_mm", is_first, "a place on the surface that no other mark has")
     return dict(zip(table.texts["name"], places, strict=True))
 
 

@@ -144,7 +144,10 @@ class Link:
             self._broken(error)
 
     def _add(self, request: Mapping[str, Any]) -> None:
-        """Let a request wait. A needle's position replaces one right before it. Refuse a request if too many wait."""
+        """Add a request to the queue, unless `MOST_REQUESTS` wait.
+
+        A needle's position replaces a position that is the last request in the queue.
+        """
         if self._requests and request["command"] == self._requests[-1]["command"] == "needle":
             self._requests[-1] = request
         elif len(self._requests) < MOST_REQUESTS:

@@ -11,7 +11,7 @@ from typing import Any
 
 from experiments.servers.faces import Faces, names_of
 from experiments.servers.feed import Feed
-from experiments.threads import begin_follower
+from experiments.threads import begin_helper
 
 LONGEST = 64 * 1024 * 1024
 """Largest number of bytes of one message from the loop; choice: an 8K picture has 20 MB."""
@@ -19,7 +19,7 @@ LONGEST = 64 * 1024 * 1024
 
 def serve(connection: Connection, faces: Faces) -> None:
     """Serve clients until the run's loop ends, or until the process of the loop is gone."""
-    begin_follower()
+    begin_helper(connected=True)
     asyncio.run(_Served(connection, faces).run())
 
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.threads import begin_follower, start_helper
+from experiments.threads import begin_helper, start_helper
 
 PHANTOM, SCENARIO = "phantom", "webcam"
 """The simulated phantom: its name as a source of pictures, and the name of its scenario."""
@@ -25,7 +25,7 @@ ENDS_S = 2.0
 
 def film(connection: Connection, fps: float | None) -> None:
     """Wait for a request, then send each of the phantom's pictures at its exposure time, until the connection ends."""
-    begin_follower()
+    begin_helper(connected=True)
     # imported here, so that the parent process does not wait for it
     from experiments.formats.scenario import read_scenario
     from experiments.simulation.phantom_camera import PhantomCamera

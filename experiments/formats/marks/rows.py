@@ -86,6 +86,7 @@ def are_definite(covs: Floats) -> NDArray[np.bool_]:
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)
+    # the limit allows for rounding, because a recording has covariances in place of standard deviations
     large = covs.diagonal(0, 1, 2).min(axis=1) >= (1.0 - LEAST_SHARE) * (1e-3 * FINEST_MM) ** 2
     found: NDArray[np.bool_] = large & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
     return found

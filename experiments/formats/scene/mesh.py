@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path, PurePath
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist, pdist, squareform
 
 from dynamics import MassSpringNetwork
@@ -234,11 +235,15 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
     return replace(of, mesh=replace(of.mesh, regions=found))
 
 
+def coinciding(places: Floats) -> NDArray[np.int64]:
+    """Indices (k, 2) of pairs of points that are less than `APART_M` apart; places: (n, 3) [m]."""
+    return np.argwhere(np.triu(squareform(pdist(places)) < APART_M, 1))
+
+
 def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
     """Raise SceneError if two points of a mesh coincide, and MeshError if a point is outside the mesh."""
     names, places = list(points), np.array(list(points.values()), dtype=float).reshape(-1, 3)
-    between = np.triu(squareform(pdist(points_of(of.mesh, surface(of.mesh), places).places)) < APART_M, 1)
-    for first, i in np.argwhere(between)[:1]:
+    for first, i in coinciding(points_of(of.mesh, surface(of.mesh), places).places)[:1]:
         found = f"{shown(names[i])} at that of {shown(names[first])}"
         raise SceneError(f"mesh.point[{i}].position_mm: expected a unique position, found {found}")
 

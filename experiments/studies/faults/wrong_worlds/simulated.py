@@ -65,7 +65,6 @@ Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 """Direction of the second breath, by dimension of the body. The first breath acts upwards."""
 
-
 TURNS_S = 4.0
 """Time at which gravity begins to turn [s]."""
 
@@ -181,9 +180,9 @@ class Seen:
     places: Floats
     middle: Floats
 
-    def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Whether each frame is exposed between begins_s and begins_s + lasts_s [s], (n_frames,)."""
-        return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
+    def since(self, lasts_s: float = np.inf) -> NDArray[np.bool_]:
+        """Whether each frame is exposed within lasts_s [s] from ONSET_S on, (n_frames,)."""
+        return (self.exposed_s >= ONSET_S) & (self.exposed_s < ONSET_S + lasts_s)
 
 
 Sees = Callable[[Seen, np.random.Generator], Seen]

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.commands.options import FASTEST_FPS, SLOWEST_FPS
+from experiments.formats.marks.times import LONGEST_S, SHORTEST_S
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
@@ -90,3 +92,7 @@ def test_truth_and_fixes_of_another_time_than_the_frames_are_refused(tmp_path, n
     said = complaint(read_recording, folder)
     assert f"{name}.csv: row 2: time_s: expected seconds, as those of the frames, 0 to 0.366667, found none" in said
     assert said.endswith(f"it seems to be {unit}" if unit else "none after -1000")
+
+
+def test_options_permit_the_frame_rates_of_recordings():
+    assert pytest.approx((1.0 / LONGEST_S, 1.0 / SHORTEST_S)) == (SLOWEST_FPS, FASTEST_FPS)
