@@ -21,6 +21,7 @@ from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
 from estimators.identification.filter_pass import LEVEL, Frames, Pass, pass_through
+from estimators.identification.forces import with_likely_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_SEARCH, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
@@ -164,10 +165,12 @@ def identify_constants(
 class _Found:
     """Result of the searches from all starts.
 
+    problem: the problem with the estimated strength of the unknown forces
     before: pass with the constants before the search; n_agreeing: number of starts that led to the best constants
     used: the used frames; left_open: see `determined.left_open`; larger if the last search did not converge, (n, n)
     """
 
+    problem: Problem
     best: Optimum
     before: Pass
     n_starts: int
@@ -186,8 +189,8 @@ def _searched(
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
-    progress = Progress(PASSES_A_SEARCH * (n_starts * len(screened) + len(used)), advance)
-    problem = replace(problem, budget=problem.budget.watched(progress.frame))
+    progress = Progress(PASSES_A_SEARCH * n_starts * len(screened) + problem.n_passes * len(used), advance)
+    problem = with_likely_forces(replace(problem, budget=problem.budget.watched(progress.frame)), used)
 
     def counted(optimum: Optimum | None) -> Optimum | None:
         progress.passes(0.0 if optimum is None else optimum.passes * len(screened))
@@ -214,7 +217,7 @@ def _searched(
             n_agreeing = sum(best.agrees(one) for one in found) if best.at_start is given.found else n_agreeing
         except OutOfTimeError:
             best, used = replace(best, in_time=False), screened
-    return _Found(best, before, len(found), n_agreeing, used, between)
+    return _Found(problem, best, before, len(found), n_agreeing, used, between)
 
 
 def _identified(
@@ -231,7 +234,7 @@ def _identified(
         workers,
         lambda share: advance(min(0.99, max(problem.budget.share, share))),
     )
-    best, used, after = found.best, found.used, found.best.found
+    problem, best, used, after = found.problem, found.best, found.used, found.best.found
     by_prior, residuals = residual_covariance(after)
     left = by_prior + found.left_open
     theta, by_prior, n_limited = keeping_undetermined(best.theta, left)

@@ -22,6 +22,10 @@ oscillation of the phantom. The best result is then improved with all frames."""
 PASSES_A_SEARCH = 6
 """Expected number of filter passes of a search. The reported progress and the used frames depend on this number."""
 
+STRENGTH_PASSES = 8
+"""Largest number of filter passes for the strength of the unknown forces on a continuum; choice: four to eight are
+usual."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
@@ -36,6 +40,11 @@ class Problem:
     nodes: tuple[tuple[str, ...], str]
     settings: FilterSettings
     budget: Budget
+
+    @property
+    def n_passes(self) -> int:
+        """Expected number of filter passes through all used frames."""
+        return PASSES_A_SEARCH + (0 if self.network.continuum is None else STRENGTH_PASSES)
 
     def model(self, theta: Floats) -> MassSpringNetwork:
         """The network with the constants that theta describes, (n,)."""
@@ -60,7 +69,7 @@ class Problem:
         """Number of starts that fit into the time, and frames to use. Raises OutOfTimeError if no start fits."""
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)
-        n_passes = PASSES_A_SEARCH + 1
+        n_passes = self.n_passes + 1
         try:
             starts_s = PASSES_A_SEARCH * n_starts * min(SCREENED, len(frames)) * frame_s
             used = affordable(frames, frame_s, n_passes, self.budget, reserved_s=starts_s)

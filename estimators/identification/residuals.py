@@ -13,6 +13,9 @@ from estimators.identification.filter_pass import Pass
 LEVEL = 0.01
 """Significance level of the test whether sampling error alone explains the residuals; choice."""
 
+MOST_OUTLIERS = 0.01
+"""Largest number of outliers among the hidden marks of a model that explains them, per inlying coordinate; choice."""
+
 ROUNDING = 1e-9
 """Because of rounding errors, a variance may exceed the prior variance by this relative amount; numerical."""
 
@@ -21,10 +24,11 @@ ROUNDING = 1e-9
 class ResidualTest:
     """Test of the innovations of the marks that the filter did not use, with the estimated constants.
 
-    size: mean square of the normalised innovations [1]; expected to be 1 if the model is right
+    size: mean square of the normalised innovations without outliers [1]; expected to be 1 if the model is right
     inflation: largest ratio of a standard error to the one for independent frames, of all combinations of constants [1]
     n: number of innovations; n_effective: number of independent innovations that would contain as much information
-    explained: whether sampling error alone explains the size
+    explained: whether sampling error alone explains the size, and at most few marks are outliers
+    n_outliers: expected number of outliers among the hidden marks
     """
 
     size: float
@@ -32,6 +36,7 @@ class ResidualTest:
     n: int
     n_effective: float
     explained: bool
+    n_outliers: float = 0.0
 
 
 def times_counted(found: Pass) -> float:
@@ -59,11 +64,11 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     cov = np.asarray(np.linalg.inv(found.information / times + prior_precision), dtype=np.float64)
     dof = float(found.dof.sum())
     if not dof:
-        return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)
+        return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, not found.n_outliers, found.n_outliers)
     worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
     size, n_effective = float(found.nis.sum()) / dof, dof / times
-    explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective)
-    test = ResidualTest(size, float(np.sqrt(worst)), int(dof), n_effective, explained)
+    explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective) and found.n_outliers <= MOST_OUTLIERS * dof
+    test = ResidualTest(size, float(np.sqrt(worst)), round(dof), n_effective, explained, found.n_outliers)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
 
 

@@ -85,6 +85,18 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
     return replace(recording.scene, network=fitted)
 
 
+def with_position_error(scene: Scene, frames: Frames) -> Frames:
+    """The frames, with the error of the target's stated position as a part of the error of its mark."""
+    sd_m = scene.target.position_sd_m
+    if not sd_m:
+        return frames
+    own = sd_m**2 * np.eye(scene.network.dim)
+    return [
+        (time_s, tuple(replace(m, cov=m.cov + own) if m.node == scene.target.node else m for m in marks))
+        for time_s, marks in frames
+    ]
+
+
 def identified_scene(
     recording: Recording,
     frames: Frames,
@@ -101,7 +113,7 @@ def identified_scene(
     with placed(recording.folder, IdentificationError):
         found = identify_constants(
             scene.network,
-            frames,
+            with_position_error(scene, frames),
             scene.measured_nodes,
             scene.target.node,
             rests_as_drawn=rest_is_known(scene),
@@ -243,6 +255,7 @@ def identification_report(found: IdentificationResult, mesh: SceneMesh | None = 
             "limited_by_prior": found.n_limited,
             "innovations": found.residuals.n,
             "effective_innovations": found.residuals.n_effective,
+            "outliers": found.residuals.n_outliers,
         },
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
@@ -262,10 +275,12 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
     residuals = found.residuals
     why = "" if found.n_agreeing else ": the search from the scene's own fits all frames better"
     lines = [f"{found.n_agreeing} of {found.n_starts} preliminary searches led to these constants{why}"]
+    size = f"their mean square is {residuals.size:.2f} times the predicted one"
+    if residuals.n_outliers >= 1.0:
+        size += f", without {counted(round(residuals.n_outliers), 'outlying mark')}"
     if residuals.explained:
-        lines += [f"Residuals are explained: their mean square is {residuals.size:.2f} times the predicted one"]
+        lines += [f"Residuals are explained: {size}"]
     else:
-        size = f"their mean square is {residuals.size:.2f} times the predicted one"
         worth = f"{residuals.n} count as {residuals.n_effective:.0f} independent ones"
         larger = f"standard errors were multiplied by up to {residuals.inflation:.1f}"
         lines += [f"Residuals are not explained: {size}; {worth}; {larger}"]

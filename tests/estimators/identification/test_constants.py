@@ -160,6 +160,7 @@ class PartMisleads:
 
     budget: Budget = field(default_factory=Budget)
 
+    network, n_passes = chain(), 6
     groups, sd = (ConstantGroup("stiffness", (0,), "stiffness"),), np.ones(1)
 
     def planned(self, frames, n_starts):

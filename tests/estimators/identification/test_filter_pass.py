@@ -95,16 +95,18 @@ def test_frames_before_the_first_mark_of_a_marked_node_are_left_out():
 
 
 def test_a_hidden_mark_that_is_something_else_hardly_matters():
-    """80 mm off in one frame: that frame has no gradient, the others have theirs."""
+    """80 mm off in one frame: that frame has no gradient, the others have theirs, and it counts as an outlier."""
     which = (Parameter("rest_length", 0),)
     wrong = [
         replace(mark, position=mark.position + np.array([0.08, 0.0])) if mark.node == "far" else mark
         for mark in marks(7)
     ]
-    there = passed(row(), which, [*FRAMES[:7], (0.35, wrong), *FRAMES[8:]]).scores
-    usual = passed(row(), which).scores
-    np.testing.assert_allclose(there[8:], usual[8:], rtol=1e-9)
-    assert abs(there[7]) < 0.01 * abs(usual[7])
+    there, usual = passed(row(), which, [*FRAMES[:7], (0.35, wrong), *FRAMES[8:]]), passed(row(), which)
+    np.testing.assert_allclose(there.scores[8:], usual.scores[8:], rtol=1e-9)
+    assert abs(there.scores[7]) < 0.01 * abs(usual.scores[7])
+    assert there.n_outliers == pytest.approx(1.0, abs=1e-3)
+    assert usual.n_outliers == 0.0
+    assert there.dof.sum() == pytest.approx(2 * len(FRAMES) - 2, abs=1e-3)
 
 
 def test_the_targets_error_is_that_of_a_filter_without_its_mark():

@@ -1,5 +1,7 @@
 """The test of residuals and standard errors that allow for them, against series of known correlation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,15 @@ def test_large_residuals_are_not_explained():
     _, test = residual_covariance(made_pass(2.0 * rng.normal(size=(N, 3)), 4.0 * rng.chisquare(2.0, N)))
     assert test.size == pytest.approx(4.0, rel=0.1)
     assert not test.explained
+
+
+def test_many_outliers_are_not_explained():
+    """Of 4,000 inlying coordinates, up to one mark in a hundred may be an outlier; without any inlier, none."""
+    rng = np.random.default_rng(1)
+    white = made_pass(rng.normal(size=(N, 3)), rng.chisquare(2.0, N))
+    assert residual_covariance(replace(white, n_outliers=40.0))[1].explained
+    assert not residual_covariance(replace(white, n_outliers=41.0))[1].explained
+    assert not residual_covariance(replace(white, dof=np.zeros(N), n_outliers=1.0))[1].explained
 
 
 def test_what_frames_repeat_is_counted_about_once():

@@ -12,14 +12,14 @@ import pandas as pd
 import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
-from estimators import ConstantGroup, IdentificationResult, ResidualTest
+from estimators import ConstantGroup, IdentificationResult, MarkMeasurement, ResidualTest
 from estimators.identification.constants import PRIOR_SD
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.compare import compare
 from experiments.pipeline.compare import summary as compare_summary
-from experiments.pipeline.identify import confounded, fit_lines, not_determined
+from experiments.pipeline.identify import confounded, fit_lines, not_determined, with_position_error
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import summary, track
 from experiments.simulation.simulate import scene_of
@@ -146,10 +146,24 @@ def test_what_is_confounded_is_reported():
     assert fit_lines(replace(found, n_agreeing=0), 5.0)[0].endswith(
         ": the search from the scene's own fits all frames better"
     )
+    outlying = fit_lines(replace(found, residuals=replace(residuals, n_outliers=1.7)), 5.0)
+    assert "Residuals are explained: their mean square is 1.00 times the predicted one, without 2 outlying marks" in (
+        outlying
+    )
     of_mesh = replace(found, network=SimpleNamespace(continuum=SimpleNamespace()))
     (line,) = [line for line in fit_lines(of_mesh, 5.0) if line.startswith("Not determined")]
     assert "only fast motion shows the stiffness of a mesh" in line
     assert "Confounded constants, with the correlation of their errors: drag M1 and friction M1 (-0.90)" in lines
+
+
+def test_the_mark_of_a_target_whose_place_is_uncertain_counts_as_uncertain():
+    scene = scene_of(read_scenario("poked"))
+    frames = [(0.0, (MarkMeasurement("M1", np.zeros(2), np.eye(2)), MarkMeasurement("M2", np.zeros(2), np.eye(2))))]
+    assert with_position_error(scene, frames) == frames
+    uncertain = replace(scene, target=replace(scene.target, position_sd_m=2.0))
+    ((_, marks),) = with_position_error(uncertain, frames)
+    assert scene.target.node == "M2"
+    np.testing.assert_array_equal([mark.cov for mark in marks], [np.eye(2), 5.0 * np.eye(2)])
 
 
 def test_whole_kinds_that_are_confounded_are_reported():
