@@ -20,9 +20,9 @@ from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
-from estimators.identification.filter_pass import LEVEL, Frames, Pass, pass_through
+from estimators.identification.filter_pass import Frames, Pass, pass_through
 from estimators.identification.forces import with_likely_forces
-from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
+from estimators.identification.groups import ConstantGroup, constant_groups, members
 from estimators.identification.problem import PASSES_A_SEARCH, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
 from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
@@ -142,7 +142,7 @@ def identify_constants(
 
     frames: (time [s], marks) in order; marked: nodes whose marks the filter uses, and on which short forces may act
     prior_sd: prior standard deviation of the log of each kind of constant; spring_groups: see `constant_groups`
-    rests_as_drawn: True if the drawn shape is the measured shape of the tissue at rest; budget: time limit
+    rests_as_drawn: see `constant_groups`; budget: time limit
     workers: `map`, or the map function of a pool of processes; advance: called with the completed share of the work
     Raises IdentificationError if the target has no mark or is the only marked node, if the time is too short for any
     result, or if the filter fails numerically from all starts.
@@ -152,8 +152,8 @@ def identify_constants(
     if not set(marked) - {target}:
         raise IdentificationError(f"expected a marked node besides {target}, which is predicted from it, found none")
     limit = Budget() if budget is None else budget
-    groups = constant_groups(network, tuple(prior_sd), spring_groups)
-    sd = group_prior_sd(groups, prior_sd, LEVEL if rests_as_drawn else np.inf)
+    groups = constant_groups(network, tuple(prior_sd), spring_groups, rests_as_drawn=rests_as_drawn)
+    sd = np.array([prior_sd[group.kind] for group in groups])
     problem = Problem(network, groups, sd, (tuple(marked), target), settings or FilterSettings(), limit)
     try:
         return _identified(problem, from_first_marks(frames), search or IdentificationSettings(), workers, advance)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,13 +46,18 @@ class ConstantGroup:
 
 
 def constant_groups(
-    network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
+    network: MassSpringNetwork,
+    kinds: Sequence[str] = KINDS,
+    spring_groups: Sequence[str] = (),
+    *,
+    rests_as_drawn: bool = False,
 ) -> tuple[ConstantGroup, ...]:
     """Groups of the positive constants of these kinds. All constants of a group are estimated with one factor.
 
     spring_groups: name of each spring's group, (n_springs,); a spring with an empty name is a group of its own
     If all names are empty, up to `MOST_SINGLE` springs are groups of their own. More springs form groups of equal
     stiffness, and more than `MOST_SINGLE` such groups become one group. Nodes follow the same rules.
+    rests_as_drawn: True if the drawn shape was measured at rest; then groups of several rest lengths are omitted
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -73,16 +78,7 @@ def constant_groups(
                 )
                 for name, group in gathered.items()
             ]
-    return tuple(groups)
-
-
-def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
-    """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
-
-    strain: relative error of the drawn shape [1]; upper limit of the result for a group of several rest lengths
-    """
-    limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
-    return np.minimum([prior_sd[group.kind] for group in groups], limits)
+    return tuple(group for group in groups if not (rests_as_drawn and _shares("rest_length", group)))
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:

@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import four_mass_phantom, node_forces, rest_shape, scale_parameters
 from estimators import constant_groups, group_label, group_value
-from estimators.identification.groups import group_directions, group_prior_sd, scale_groups, touched
+from estimators.identification.groups import group_directions, scale_groups, touched
 from tests.networks import build_network
 
 
@@ -77,12 +77,13 @@ def test_a_tissue_that_rests_where_it_is_drawn_does_so_at_any_stiffness():
     assert np.abs(left).max() > 0.1 * weight
 
 
-def test_a_shape_measured_at_rest_limits_a_shared_factor_of_rest_lengths():
-    """A factor of one rest length stays free, since single rest lengths follow single stiffnesses."""
-    prior = {"stiffness": 0.3, "rest_length": 0.05}
-    assert group_prior_sd(constant_groups(ladder(), prior), prior, 0.003).tolist() == [0.3, 0.3, 0.003, 0.003]
-    single = group_prior_sd(constant_groups(four_mass_phantom(), prior), prior, 0.003)
-    assert single.tolist() == [0.3] * 10 + [0.05] * 10
+def test_a_factor_of_several_rest_lengths_is_omitted_if_the_shape_was_measured_at_rest():
+    """A factor of one rest length stays, since single rest lengths follow single stiffnesses."""
+    kinds = ("stiffness", "rest_length")
+    found = constant_groups(ladder(), kinds, rests_as_drawn=True)
+    assert found == constant_groups(ladder(), ("stiffness",))
+    single = constant_groups(four_mass_phantom(), kinds, rests_as_drawn=True)
+    assert single == constant_groups(four_mass_phantom(), kinds)
 
 
 def test_directions_are_the_slope_of_the_scaling():
