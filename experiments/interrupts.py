@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+AGAIN_S = 0.01
+"""Time after which an ignored interrupt is raised again [s]; choice: the callback that ignored it has returned."""
 
 
 @contextmanager
@@ -14,17 +19,36 @@ def as_interrupts() -> Iterator[None]:
     """Raise KeyboardInterrupt after every Ctrl-C in a `with` block.
 
     Ctrl-C during a compiled kernel raises SystemError, "returned a result with an exception set". The cause of this
-    error is a KeyboardInterrupt.
+    error is a KeyboardInterrupt. During a callback from C, as in the compiler, Python reports and ignores the
+    KeyboardInterrupt. Then it is raised again after `AGAIN_S`.
     """
+    before, later = sys.unraisablehook, list[threading.Timer]()
+
+    def ignored(fault: sys.UnraisableHookArgs) -> None:
+        if issubclass(fault.exc_type, KeyboardInterrupt) or _is_interrupt(fault.exc_value):
+            later.append(threading.Timer(AGAIN_S, _thread.interrupt_main))
+            later[-1].start()
+        else:
+            before(fault)
+
+    sys.unraisablehook = ignored
     try:
         yield
+        for timer in later:
+            timer.join()
     except SystemError as fault:
-        arose: BaseException | None = fault
-        while arose is not None:
-            if isinstance(arose, KeyboardInterrupt):
-                raise KeyboardInterrupt from fault
-            arose = arose.__cause__ or arose.__context__
+        if _is_interrupt(fault):
+            raise KeyboardInterrupt from fault
         raise
+    finally:
+        sys.unraisablehook = before
+
+
+def _is_interrupt(fault: BaseException | None) -> bool:
+    """Whether an exception is a KeyboardInterrupt or was caused by one."""
+    while fault is not None and not isinstance(fault, KeyboardInterrupt):
+        fault = fault.__cause__ or fault.__context__
+    return fault is not None
 
 
 @contextmanager

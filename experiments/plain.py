@@ -20,6 +20,11 @@ def plain(value: Any) -> Any:
     return value
 
 
+def amount(value: float, unit: str, larger: str) -> str:
+    """A value with its unit, or from 10,000 on in a unit 1000 times as large."""
+    return f"{value:.4g} {unit}" if value < 1e4 - 0.5 else f"{1e-3 * value:.4g} {larger}"
+
+
 def counted(n: int, one: str, many: str = "") -> str:
     """A number with its noun, such as `2 marks`; many: the plural, by default with an s."""
     return f"{n} {one if n == 1 else many or one + 's'}"

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from experiments.commands.options import Force, Fps, Vector
+from experiments.commands.options import LEAST_MM, MOST_MM, Force, Fps, Vector
 from experiments.commands.run import Answer, Run
 from experiments.errors import InputError, coordinates, placed
 from experiments.plain import counted
@@ -18,14 +18,14 @@ from experiments.plain import counted
 def calibrate(
     run: Run,
     board: Annotated[str, Option(help="Number of inner corners (ChArUco: squares) along both sides, such as 9x6.")],
-    square_mm: Annotated[float, Option(help="Side of a square [mm].")],
+    square_mm: Annotated[float, Option(min=LEAST_MM, max=MOST_MM, help="Side of a square [mm].")],
     out: Annotated[Path, Option(help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, Argument(help="Pictures, a picture folder, or a film.")] = None,
     camera: Annotated[
         list[str] | None, Option(help="NAME=FOLDER: a camera and its picture folder; repeat for each camera.")
     ] = None,
     charuco: Annotated[str | None, Option(help="ChArUco marker dictionary, such as 4X4_50.")] = None,
-    marker_mm: Annotated[float | None, Option(help="Side of a ChArUco marker [mm].")] = None,
+    marker_mm: Annotated[float | None, Option(min=LEAST_MM, max=MOST_MM, help="Side of a ChArUco marker [mm].")] = None,
     plane: Annotated[Path | None, Option(help="Picture of the board in the plane of the marks; default: last.")] = None,
     opencv_yaml: Annotated[Path | None, Option(help="Lens file to write for OpenCV.")] = None,
     ros_yaml: Annotated[Path | None, Option(help="Lens file to write for ROS.")] = None,

@@ -29,6 +29,9 @@ RecordingFolder = Annotated[Path, Argument(help="Folder of the recording.")]
 SLOWEST_FPS, FASTEST_FPS = 0.2, 1000.0
 """Least and largest frame rate of a recording [1/s]: 1 / `LONGEST_S` and 1 / `SHORTEST_S`; choice."""
 
+LEAST_MM, MOST_MM = 0.5, 500.0
+"""Least and largest side of a printed square or marker of a board [mm]; choice: between a glass target and a wall."""
+
 Fps = Annotated[
     float | None,
     Option(

@@ -29,7 +29,7 @@ TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
 """Types of values in the help. The page omits them, because the text of each option already describes its value."""
 
 RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
-LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
+LIMITS = re.compile(rf" \[(required|{RANGE}(; required)?)\]$|; {RANGE}(?=\]$)")
 """Ends of option descriptions that the page omits: ranges, and `required`, because the usage shows it."""
 
 

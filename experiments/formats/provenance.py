@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from experiments.errors import accepted
+from experiments.errors import InputError, accepted, placed, read_text
 from experiments.formats.scene.scene import Scene, scene_digest
 from experiments.version import version
 
@@ -28,6 +28,22 @@ def content_digest(path: Path) -> str:
         return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
     with accepted(path, "a file that can be read"), path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_made_from(folder: Path, source: Path) -> None:
+    """Raise InputError if a result's provenance file states that it was made from other files than those in `source`.
+
+    A folder without provenance is accepted, and so is that of a live run, whose frames may come from any source.
+    """
+    path = folder / PROVENANCE
+    if not path.is_file():
+        return
+    with placed(path, ValueError, LookupError, TypeError):
+        made = json.loads(read_text(path))
+        read = {one["sha256"]: one["path"] for one in made["inputs"]}
+        from_any = made["command"] == "live"
+    if not from_any and content_digest(source) not in read:
+        raise InputError.at(folder, f"results of the files in {source}", f"results of {', '.join(read.values())}")
 
 
 def provenance_text(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -42,8 +41,6 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
     columns, rows = int(parts[1]) - less, int(parts[2]) - less
     if min(columns, rows) < 3 - less:
         raise InputError.at("--board", f"3 or more {'squares' if less else 'inner corners'} each way", shown(text))
-    if not 0 < square_mm < math.inf:
-        raise InputError.at("--square-mm", "more than 0", str(square_mm))
     if charuco is None:
         if marker_mm is not None:
             raise InputError.at("--marker-mm", "--charuco with it", "none")
@@ -51,9 +48,9 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
     dictionary = charuco.upper().removeprefix("DICT_")
     if dictionary not in DICTIONARIES:
         raise InputError.at("--charuco", f"one of {', '.join(DICTIONARIES)}", shown(charuco))
-    if marker_mm is None or not 0 < marker_mm < square_mm:
+    if marker_mm is None or marker_mm >= square_mm:
         found = "none" if marker_mm is None else str(marker_mm)
-        raise InputError.at("--marker-mm", "a length above 0 and below --square-mm", found)
+        raise InputError.at("--marker-mm", "a length below --square-mm", found)
     with placed("--charuco", ValueError):
         return Board(columns, rows, 1e-3 * square_mm, dictionary, 1e-3 * marker_mm)
 

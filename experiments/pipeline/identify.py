@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from estimators import (
     tune_strain,
 )
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
+from estimators.identification.budget import OutOfTimeError
 from experiments.errors import InputError, placed
 from experiments.formats.recording import Recording
 from experiments.formats.scene.mesh import SceneMesh
@@ -46,6 +48,16 @@ NAMED = 4
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
 """Reason why a recording hardly determines the stiffness of a mesh's tissues."""
+
+
+@contextmanager
+def estimated(recording: Recording) -> Iterator[None]:
+    """Convert IdentificationError in a `with` block into InputError; it names `--minutes` if that is too short."""
+    try:
+        yield
+    except IdentificationError as error:
+        is_short = isinstance(error.__context__, OutOfTimeError)
+        raise InputError(f"{'--minutes' if is_short else recording.folder}: {error}") from error
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
@@ -110,7 +122,7 @@ def identified_scene(
     Raises InputError if the target's mark is not visible, or if the identified constants fit worse than the scene's.
     """
     scene = recording.scene
-    with placed(recording.folder, IdentificationError):
+    with estimated(recording):
         found = identify_constants(
             scene.network,
             with_position_error(scene, frames),
@@ -159,7 +171,7 @@ def tuned_scene(
     Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
-    with placed(recording.folder, IdentificationError):
+    with estimated(recording):
         found = tune_strain(
             scene.network,
             frames,

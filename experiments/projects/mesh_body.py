@@ -35,6 +35,7 @@ from experiments.formats.scene.schema import MeshTable, SceneError
 from experiments.formats.scene.target import Target
 from experiments.formats.tables import Table, read_table
 from experiments.log import LOG
+from experiments.plain import amount
 from experiments.projects.mesh_tissues import assigned, check_tissues
 from experiments.projects.needle import surest_entry
 from experiments.projects.template import (
@@ -135,7 +136,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them fixed, "
-        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"
+        f"{len(mesh.elements)} tetrahedra, {amount(1e6 * mesh.volumes.sum(), 'ml', 'l')}, {extents(mesh.nodes)},"
     )
     return Template(f"A body of {counts} from {of.path.name}", assumed, truth, entry, direction)
 

@@ -15,6 +15,7 @@ from experiments.formats.scene.scene import mesh_beside
 from experiments.projects.mesh_body import MeshChoice, mesh_template
 from experiments.projects.mesh_file import read_mesh
 from experiments.projects.pages import UNTUNED, needle_page, scenario_page, scene_page, steps_page
+from experiments.projects.steps_text import READ_TRUTH
 from experiments.projects.template import Template, template
 
 N_MASSES = {"plane": 5, "breast": 10}
@@ -83,10 +84,10 @@ def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
     """Write the files of a project to an existing folder. Its recordings use the seeds `seed + 1` to `seed + 3`."""
     scenes = {
         "scene.toml": (of.assumed, f"{of.title}: the assumptions.\ndocs/recording.md has all keys.", UNTUNED),
-        "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),
+        "truth/scene.toml": (of.truth, f"The simulated tissue. {READ_TRUTH}", ""),
         "truth/all_marks.toml": (
             of.truth_all_seen,
-            "The simulated tissue with every mark measured. Only softaim simulate may read this.",
+            f"The simulated tissue with every mark measured. {READ_TRUTH}",
             "",
         ),
     }

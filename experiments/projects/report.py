@@ -14,7 +14,7 @@ from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
 from experiments.pipeline.integrity import USUAL, shares_words
 from experiments.pipeline.scores.marks import LOOK_AT, NO_ROW, lost_words
-from experiments.plain import counted
+from experiments.plain import amount, counted
 from experiments.projects.check import SceneCheck
 from vision import Reason
 
@@ -107,7 +107,7 @@ def _scene(done: SceneCheck) -> str:
         points, tissues = (
             counted(len(of), what) for of, what in ((network.free, "point"), (network.continuum.tissues, "tissue"))
         )
-        body = f"{points} of a mesh of {tissues}, {1e3 * network.continuum.mass:.4g} g"
+        body = f"{points} of a mesh of {tissues}, {amount(1e3 * network.continuum.mass, 'g', 'kg')}"
     return f"{body}; target {target.node}, a ball of {1e3 * target.radius_m:g} mm; {marks} on {_names(measured)}"
 
 

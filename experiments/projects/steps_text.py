@@ -18,6 +18,8 @@ With a real body, recordings of a tracker replace step 2: folders with `scene.to
 recordings also have marks inside, measured by CT or ultrasound.
 """
 
+READ_TRUTH = "Only `simulate`, `insert` and `sweep` read `truth/`."
+
 TRUTH_OF_SPRINGS = """\
 The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
 some 20 %, and each spring by a few per cent more. So the simulated tissue, like real tissue, does not rest as drawn.
@@ -49,9 +51,11 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 | --- | --- |
 | `scene.toml` | your assumptions: the network, its marks, its target <target>. Adapt it to your tissue |
 | `needle.toml` | the needle that is advised |
-| `truth/scene.toml` | the simulated tissue, to be identified. Only `simulate` reads it |
+| `truth/scene.toml` | the simulated tissue, to be identified |
 | `truth/all_marks.toml` | the same tissue with all marks measured, for calibration |
 | `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of simulated recordings |
+
+{READ_TRUTH}
 
 {TRUTH_OF_SPRINGS}
 ## 1. Check the scene

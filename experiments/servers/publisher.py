@@ -12,13 +12,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from estimators import Advice, Guidance, Status, TargetEstimate
+from estimators import Advice, Guidance
 from experiments.errors import InputError
 from experiments.film.views import ground_camera, overlay_of
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.log import LOG
 from experiments.pipeline.line import Line
+from experiments.pipeline.live.advice import nowhere
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.preparing import PREPARING
 from experiments.pipeline.live.shown import Counters, Shown, memory_mb
@@ -82,10 +83,9 @@ class Shows:
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         at_s = time.monotonic() if frame is None else frame.exposure_s
-        nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
         guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
         counters = Counters(not_used=n_shown)
-        shown = Shown(nowhere, at_s, frame, None, guidance, None, PREPARING, None, counters, "")
+        shown = Shown(nowhere(time_s, self._dim), at_s, frame, None, guidance, None, PREPARING, None, counters, "")
         self._send(shown, frame.image if frame is not None and self.link.wants_picture else None)
 
     def publish(self, shown: Shown, line: Line) -> None:

@@ -16,6 +16,7 @@ from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scenario import Scenario, SeenMarks
 from experiments.formats.scene.mesh import ON_SKIN_M, outside_m, with_line
 from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.formats.scene.schema import where
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
@@ -208,8 +209,9 @@ def usual_plan(scene: Scene, *, of_phantom: bool) -> NeedlePlan:
 def _check_given(path: Path, given: Scene, truth: Scene) -> None:
     """Raise InputError if the filter's scene, read from `path`, does not fit the scene of the true tissue."""
     if given.network.dim != truth.network.dim:
-        expected = f"{truth.network.dim} numbers, as in the scenario's scene"
-        raise InputError.at(f"{path}: network.gravity_m_s2", expected, str(given.network.dim))
+        expected = f"a body {where(truth.network.dim)}, as in the scenario's scene"
+        table = "network" if given.mesh is None else "mesh"
+        raise InputError.at(f"{path}: {table}", expected, f"one {where(given.network.dim)}")
     free = {truth.network.names[i] for i in truth.network.free}
     for i, mark in enumerate(given.marks):
         if mark.measured and mark.node not in free:

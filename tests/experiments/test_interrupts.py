@@ -1,5 +1,6 @@
 """Ctrl-C while a kernel is called is an interrupt, and no fault of the program."""
 
+import ctypes
 import os
 import signal
 import sys
@@ -40,6 +41,17 @@ def called_until_interrupted(by: signal.Signals = signal.SIGINT) -> None:
 def test_an_interrupt_of_a_kernel_is_one():
     with pytest.raises(KeyboardInterrupt), as_interrupts():
         called_until_interrupted()
+
+
+@POSIX
+def test_an_interrupt_of_a_callback_from_c_is_not_lost(capfd):
+    """The compiler's cache is such a callback: a run went on for two minutes, and ended with code 0."""
+    callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))
+    hook = sys.unraisablehook
+    with pytest.raises(KeyboardInterrupt), as_interrupts():
+        [callback(), *map(time.sleep, [0.01] * 1000)]
+    assert sys.unraisablehook is hook
+    assert capfd.readouterr().err == ""
 
 
 def test_another_fault_of_the_system_stays():

@@ -5,7 +5,14 @@ from pathlib import Path
 import pytest
 
 from experiments.commands.console import advice_line, constants_table, levels_table, marks_table
-from experiments.plain import counted, plain
+from experiments.plain import amount, counted, plain
+
+
+@pytest.mark.parametrize(
+    ("grams", "expected"), [(8.25, "8.25 g"), (9999.4, "9999 g"), (9999.6, "10 kg"), (484_512.0, "484.5 kg")]
+)
+def test_large_amounts_are_in_the_larger_unit(grams: float, expected: str) -> None:
+    assert amount(grams, "g", "kg") == expected
 
 
 def test_what_json_cannot_hold_is_null() -> None:

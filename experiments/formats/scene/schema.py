@@ -22,10 +22,15 @@ def check_own_names(key: str, names: Sequence[str]) -> None:
             raise SceneError(f"{key}[{i}].name: expected a unique name, found that of {key}[{first}]")
 
 
+def where(dim: int) -> str:
+    """Where a body of this dimension lies, in words."""
+    return "in the plane" if dim == 2 else "in space"
+
+
 def check_dim(key: str, place: Sequence[float], dim: int) -> None:
     """Raise SceneError if a position has another dimension than the scene."""
     if len(place) != dim:
-        raise SceneError(f"{key}: expected {dim} numbers, as network.gravity_m_s2 has, found {len(place)}")
+        raise SceneError(f"{key}: expected {dim} numbers, because the body is {where(dim)}, found {len(place)}")
 
 
 class NodeTable(Strict):

@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.errors import InputError, shown
 from experiments.formats.exchange.results import Estimates, Results, read_advice, read_estimates
+from experiments.formats.provenance import check_made_from
 from experiments.formats.recording import Recording
 
 LATEST_S = 2**31
@@ -39,6 +40,8 @@ def exported(recording: Recording, folder: Path | None, start: str | None) -> Ex
     start: date and time of the first exposure in ISO 8601; without it, the recording's time 0 is the start of 1970
     """
     exposures_s, dim = recording.exposures_s, recording.scene.network.dim
+    if folder is not None:
+        check_made_from(folder, recording.folder)
     chosen = Exported(
         recording,
         None if folder is None else read_estimates(folder, dim, exposures_s),

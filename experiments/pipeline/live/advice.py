@@ -12,6 +12,7 @@ from estimators import (
     AbortWatch,
     Advice,
     Guidance,
+    Status,
     TargetEstimate,
     TargetPath,
     TissueFilter,
@@ -47,7 +48,7 @@ class LiveAdvice:
         self._dim = tissue.network.dim
         self._tables = path_tables(tissue, path_reach_s(tissue, plan.insertion, plan.needle, plan.settings))
         self._breath = BreathingPath(self._dim)
-        self._last: TargetEstimate | None = None
+        self._last = nowhere(-np.inf, self._dim)
         self.origin_s = 0.0
         self.table = LiveTable(rows, header(self._dim))
         n = self._tables.n_times
@@ -57,7 +58,7 @@ class LiveAdvice:
 
     def forget(self) -> None:
         """Discard the breathing model and the last estimate, because the filter restarts; the needle is kept."""
-        self._breath, self._last = BreathingPath(self._dim), None
+        self._breath, self._last = BreathingPath(self._dim), nowhere(-np.inf, self._dim)
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError if they are invalid."""
@@ -68,8 +69,8 @@ class LiveAdvice:
 
     def seen(
         self, tissue: TissueFilter, estimate: TargetEstimate | None, now_s: float, fault: str | None = None
-    ) -> Guidance | None:
-        """Write and return the advice at now_s [s]; None before the first estimate.
+    ) -> Guidance:
+        """Write and return the advice at now_s [s]; without any estimate so far there is no guidance.
 
         estimate: the newest frame's estimate; None if there is no new frame
         fault: reason to give no guidance even if the estimate is good
@@ -78,8 +79,6 @@ class LiveAdvice:
         if estimate is not None:
             self._last = estimate
             self._breath.learn(tissue, estimate)
-        if self._last is None:
-            return None
         silent_s, most_s = now_s - self.posed_s, self.plan.settings.needle_s
         if silent_s > most_s:
             fault = UNSEEN if np.isinf(silent_s) else f"{SILENT} for {silent_s:.1f} s, more than {most_s:g} s"
@@ -102,6 +101,11 @@ class LiveAdvice:
         path = self._push.pushed(path, plan.insertion)
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
+
+
+def nowhere(time_s: float, dim: int) -> TargetEstimate:
+    """The estimate at a time [s] without any usable frame: INITIALISING, without position or covariance."""
+    return TargetEstimate(time_s, np.full(dim, np.nan), None, Status.INITIALISING, 0)
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:

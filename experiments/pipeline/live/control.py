@@ -38,8 +38,8 @@ class Control:
         if on and self.recording is None:
             self._end()
             folder = self._out / f"{RECORDING}-{len(self.recordings) + 1}"
-            begun = session.line.filter.time_s is None
-            one = LiveRecording(folder, session.line.scene, needle=self._needle, source=self._source, begun=begun)
+            begun, scene = not session.has_begun, session.line.scene
+            one = LiveRecording(folder, scene, needle=self._needle, source=self._source, begun=begun)
             self.recordings.append(one)
             session.journals = [one]
             for table in session.tables:

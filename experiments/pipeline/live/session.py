@@ -17,6 +17,7 @@ import numpy as np
 
 import vision
 from estimators import (
+    Advice,
     AdviceSettings,
     CovarianceError,
     Guidance,
@@ -33,7 +34,7 @@ from experiments.pipeline.events import DISTRACTOR, distractor_line, report_even
 from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.integrity import IntegrityMonitor, shares_words, variance_shares
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
-from experiments.pipeline.live.advice import LiveAdvice, own_time_s
+from experiments.pipeline.live.advice import LiveAdvice, nowhere, own_time_s
 from experiments.pipeline.live.journal import Act, Done
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
@@ -50,7 +51,7 @@ WAIT_S = 0.1
 BEHIND_S = 0.25
 """While no frame comes, the filter is predicted to `now - BEHIND_S - 2 * frame_interval` [s]; choice."""
 
-PAUSED = "paused: frames are not used"
+PAUSED, NO_FRAME = "paused: frames are not used", "no frame yet"
 
 LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
@@ -221,22 +222,25 @@ class Session:
         """Predict and show the target at now_s [s] without a frame.
 
         The filter itself is predicted only to a time before now_s, because a late frame may still come. The estimate at
-        that time is written. The estimate at now_s is only shown.
+        that time is written. The estimate at now_s is only shown; after a restart it has no position.
         """
         self._check_filter()
-        tissue = self.line.filter
-        if tissue.time_s is None or self._last_s is None:
-            self._show("no frame yet")
+        tissue, ahead = self.line.filter, nowhere(now_s, self.line.scene.network.dim)
+        if self._last_s is None:  # so far nothing has been written
+            self._show(NO_FRAME)
+            none = None if self.advice is None else Guidance(Advice.NO_GUIDANCE, NO_FRAME)
+            self._publish(ahead, None, None, none, now_s)
             return
         self._note(Act.COAST, time_s=now_s)
         interval_s = self.interval_s
         behind_s = now_s - (SOURCE.hung_s if interval_s is None else BEHIND_S + 2.0 * interval_s)
-        if behind_s > tissue.time_s:
+        if tissue.time_s is not None and behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.counters.without_frame += 1
-        if now_s > tissue.time_s:
-            status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
-            ahead = replace(tissue.predict_at(now_s), status=status)
+        if tissue.time_s is None or now_s > tissue.time_s:
+            if tissue.time_s is not None:
+                status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
+                ahead = replace(tissue.predict_at(now_s), status=status)
             advised = None if self.advice is None else self.advice.seen(tissue, None, now_s, self._fault)
             self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
             self._publish(ahead, None, None, advised, now_s)
@@ -323,6 +327,11 @@ class Session:
         """Close the tables."""
         for table in self.tables:
             table.close()
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a frame has come since the run began."""
+        return self._last_s is not None
 
     @property
     def tables(self) -> list[LiveTable]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from experiments.formats.provenance import content_digest
 from tests.experiments.command import softaim
 from tests.experiments.commands.good_files import tree
 
@@ -41,6 +42,19 @@ def test_its_provenance_stands_beside_it(here: Path) -> None:
     found = json.loads(Path("film.provenance.json").read_text(encoding="utf-8"))
     assert [one["path"] for one in found["inputs"]] == ["film", "results"]
     assert found["scene"]["steps"] == []
+
+
+@pytest.mark.parametrize("command", ["track", "live"])
+def test_results_of_another_recording_with_the_same_times_are_refused(here: Path, capfd, command: str) -> None:
+    """The provenance beside the results names their recording; a live run's frames may come from anywhere."""
+    made = {"command": command, "inputs": [{"path": "other", "sha256": content_digest(here / "marks")}]}
+    (here / "results" / "provenance.json").write_text(json.dumps(made), encoding="utf-8")
+    assert softaim(*CALL) == (2 if command == "track" else 0)
+    said = "softaim: results: expected results of the files in film, found results of other\n"
+    assert capfd.readouterr().err == (said if command == "track" else "")
+    made["inputs"].append({"path": "film", "sha256": content_digest(here / "film")})
+    (here / "results" / "provenance.json").write_text(json.dumps(made), encoding="utf-8")
+    assert softaim(*CALL, "--force") == 0
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])

@@ -13,6 +13,7 @@ from experiments.formats.needle_file import FORCES, read_needle
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.projects.project import Kind, project, write_project
+from experiments.projects.steps_text import READ_TRUTH
 from experiments.projects.template import GROUP_SD, OWN_SD
 from tests.experiments.command import softaim
 from tests.experiments.rows import complaint
@@ -129,6 +130,11 @@ def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None
 def test_comments_say_what_is_assumed(made: Path) -> None:
     for page in made.rglob("*.toml"):
         assert list(findings(page.read_text(encoding="utf-8"))) == [], page
+
+
+def test_all_pages_say_the_same_about_who_reads_the_truth(made: Path) -> None:
+    pages = (made / "STEPS.md", made / "truth" / "scene.toml", Path("docs/tutorial.md"))
+    assert all(READ_TRUTH in " ".join(page.read_text(encoding="utf-8").split()) for page in pages)
 
 
 def test_steps_name_files_that_are_there_or_made_before(made: Path) -> None:

@@ -148,6 +148,22 @@ def test_paused_there_is_no_advice_and_the_state_says_why(shown):
     assert not state["from_frame"]
 
 
+def test_without_an_estimate_the_state_is_initialising_and_without_guidance(shown):
+    """Before the first frame, and after a reset without a frame, for example during a pause."""
+    link, control, go_on = shown
+    control.session.coast(START_S)
+    before = link.states[-1]
+    go_on(12)
+    control.session.reset()
+    control.session.coast(START_S + 12 / 30 + 0.05)
+    after = link.states[-1]
+    for state in (before, after):
+        assert (state["status"], state["target_mm"], state["cov_mm2"]) == ("INITIALISING", None, None)
+        assert state["fault"] == "the estimate is INITIALISING"
+    assert before["advice"]["advice"] == "NO_GUIDANCE"
+    assert after["advice"]["advice"] == "ABORT"  # the needle is inside
+
+
 def test_what_clients_ask_for_is_done_between_two_frames(shown, capfd):
     link, _control, go_on = shown
     go_on(10)

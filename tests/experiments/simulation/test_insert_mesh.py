@@ -180,3 +180,9 @@ def test_the_scene_of_another_body_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.toml").write_text(text.replace("[40.0, 5.0, 10.0]", "[5.0, 5.0, 10.0]"))
     with pytest.raises(InputError, match=r"other.toml: expected M3 within .* mm of its place .*, found 35 mm"):
         case_of(read_scenario(str(tmp_path / "scenario.toml")), scene_path=tmp_path / "other.toml")
+
+
+def test_a_body_of_another_dimension_is_refused_with_the_table_that_states_it(tmp_path: Path) -> None:
+    case(tmp_path)
+    with pytest.raises(InputError, match=r"scene.toml: mesh: expected a body in the plane, .*, found one in space"):
+        case_of(read_scenario("poked"), scene_path=tmp_path / "scene.toml")

@@ -116,7 +116,10 @@ def test_a_scene_of_another_tissue_or_target_is_reported(scenario: Path, tmp_pat
         assumed.write_text(text)
         assert f"assumed.toml: {expected}" in complaint(case, scenario, scene_path=assumed)
     flat = Path(__file__).parents[1] / "good_scene.toml"
-    assert "good_scene.toml: network.gravity_m_s2: expected 3 numbers" in complaint(case, scenario, scene_path=flat)
+    assert (
+        "good_scene.toml: network: expected a body in space, as in the scenario's scene, found one in the plane"
+        in complaint(case, scenario, scene_path=flat)
+    )
 
 
 def test_every_policy_reaches_the_target_of_a_tissue_at_rest(scenario: Path):

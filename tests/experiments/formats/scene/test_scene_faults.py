@@ -53,13 +53,13 @@ node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (marks
     anchor "In1"
 node = "M2"\nradius | node = "In1"\nradius | target.node: expected a free node (a hidden target), found the anchor
     "In1"
-node = "M2"\nradius | node = "M2"\noffset_mm = [0.0, 0.0, 1.0]\nradius | target.offset_mm: expected 2 numbers, as
-    network.gravity_m_s2 has, found 3
+node = "M2"\nradius | node = "M2"\noffset_mm = [0.0, 0.0, 1.0]\nradius | target.offset_mm: expected 2 numbers,
+    because the body is in the plane, found 3
 ["M2", "In1"] | ["M2", "M1"] | network.node[0]: expected springs that lead to an anchor
 diameter_mm = 30.0 | diameter_mm = 30.0\nmeasured = false | mark: expected one or more measured marks, found none
 radius_mm = 5.0 | radius_mm = 0.0 | target.radius_mm: expected more than 0, found 0
-[0.0, 200.0] | [0.0, 200.0, 1.0] | network.node[1].position_mm: expected 2 numbers, as network.gravity_m_s2 has,
-    found 3
+[0.0, 200.0] | [0.0, 200.0, 1.0] | network.node[1].position_mm: expected 2 numbers, because the body is in the
+    plane, found 3
 [0.0, -9.81] | [-9.81] | network.gravity_m_s2: expected 2 or more entries, found 1
 name = "In1" | name = "" | network.node[2].name: expected a name, found ""
 [[0.8, 0.0, 319.5], [0.0, -0.8, 391.5], [0.0, 0.0, 1.0]] | [[0,0,0],[0,0,0],[0,0,0]] | camera[0].plane_to_px:

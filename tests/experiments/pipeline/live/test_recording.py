@@ -90,6 +90,7 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
         9: lambda control: control.session.needle_unseen(),
         10: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
         12: lambda control: control.session.pause(True),
+        13: lambda control: control.session.reset(),
         14: lambda control: control.session.pause(False),
         16: lambda control: control.session.reset(),
         20: lambda control: control.session.needle_at(np.array([0.0, 0.3]), np.array([0.0, -1.0])),
@@ -138,6 +139,10 @@ def test_a_recording_that_begins_in_the_middle_says_so(tmp_path):
     assert not done.begun
     assert done.frames == 12
     assert rows(folder / "estimates.csv") == rows(tmp_path / "estimates.csv")[8:]
+
+
+def test_a_recording_that_begins_after_a_reset_begins_in_the_middle(tmp_path):
+    assert not again(recorded(tmp_path, swinging(20), {7: lambda control: control.session.reset()}, record_at=8)).begun
 
 
 def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):

@@ -110,7 +110,7 @@ def test_too_few_minutes_are_one_clear_error(recording, monkeypatch, capsys, tmp
     assert softaim(command, recording, "--minutes", "0.2", "--out", out) == 2
     error = [line for line in capsys.readouterr().err.splitlines() if "rests up to" not in line]
     assert len(error) == 1
-    assert "expected more time, found 12 s" in error[0]
+    assert error[0].startswith("softaim: --minutes: expected more time, found 12 s")
     assert not out.exists()
 
 
