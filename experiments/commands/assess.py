@@ -11,6 +11,7 @@ from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, Processes, Scheduler, Vector
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError
 from experiments.extras import require
 from experiments.log import LOG
 from experiments.plain import counted
@@ -97,6 +98,9 @@ def faults(
     """Test live runs with faults of camera, tissue, needle and system; to resume, run again."""
     require("faults", "cluster", "live")
     run.not_with("--scheduler", "--processes")
+    run.not_with("--page", "--only")
+    if page and not PAGE.is_file():
+        raise InputError.at("--page", f"{PAGE} in the current folder", "none")
     from experiments.commands.console import faults_table
     from experiments.engine.workers import Workers
     from experiments.formats.page import rewrite_page
