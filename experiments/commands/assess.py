@@ -11,7 +11,6 @@ from typer import Argument, Option
 
 from experiments.commands.options import Force, Out, Processes, Scheduler, Vector
 from experiments.commands.run import Answer, Run
-from experiments.errors import InputError
 from experiments.extras import require
 from experiments.log import LOG
 from experiments.plain import counted
@@ -99,13 +98,14 @@ def faults(
     require("faults", "cluster", "live")
     run.not_with("--scheduler", "--processes")
     run.not_with("--page", "--only")
-    if page and not PAGE.is_file():
-        raise InputError.at("--page", f"{PAGE} in the current folder", "none")
     from experiments.commands.console import faults_table
     from experiments.engine.workers import Workers
+    from experiments.errors import read_text
     from experiments.formats.page import rewrite_page
     from experiments.studies.faults.study import cells, faults_study, markdown
 
+    if page:
+        read_text(PAGE)  # raises InputError before the hours of runs
     every = range(first_seed, first_seed + seeds)
     rows = faults_study(only or [], every, out, Workers(processes, scheduler), run.stage("faults"), force=force)
     if page:
