@@ -97,11 +97,15 @@ def faults(
     """Test live runs with faults of camera, tissue, needle and system; to resume, run again."""
     require("faults", "cluster", "live")
     run.not_with("--scheduler", "--processes")
+    run.not_with("--page", "--only")
     from experiments.commands.console import faults_table
     from experiments.engine.workers import Workers
+    from experiments.errors import read_text
     from experiments.formats.page import rewrite_page
     from experiments.studies.faults.study import cells, faults_study, markdown
 
+    if page:
+        read_text(PAGE)  # raises InputError before the hours of runs
     every = range(first_seed, first_seed + seeds)
     rows = faults_study(only or [], every, out, Workers(processes, scheduler), run.stage("faults"), force=force)
     if page:

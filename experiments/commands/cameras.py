@@ -129,15 +129,16 @@ DIGITS = {"hue_deg": 1, "half_width_deg": 1, "min_saturation": 3, "min_value": 3
 def learned_hue(source: str, at: str, number: int) -> Answer:
     """The hue keys of the mark at the pixel "u,v" of a frame; raises InputError if there is no mark."""
     from experiments.pipeline.frame_sources import open_source
-    from vision import NOMINAL_FPS, HueError, learn_hue
+    from vision import NOMINAL_FPS, HueError, LiveFrames, SourceError, learn_hue, shown_source
 
     u, v = coordinates("--at", at, 2, "two numbers, U,V")
     _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)
-    with frames:
+    named = shown_source(source)
+    with frames, placed(named if isinstance(frames, LiveFrames) else "", SourceError):
         frame = next((frame for frame in frames if frame.index == number), None)
     if frame is None:
-        raise InputError(f"{source}: expected a frame {number}, found fewer")
-    with placed(f"{source}: frame {number}", HueError, ValueError):
+        raise InputError(f"{named}: expected a frame {number}, found fewer")
+    with placed(f"{named}: frame {number}", HueError, ValueError):
         hue = learn_hue(frame.image, (u, v))
     keys = {key: f"{getattr(hue, key):.{digits}f}" for key, digits in DIGITS.items()}
     return Answer({key: float(text) for key, text in keys.items()}, [f"{key} = {text}" for key, text in keys.items()])

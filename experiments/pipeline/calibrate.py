@@ -113,6 +113,9 @@ def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
             raise InputError.at("--camera", "a unique name for each camera", f"{shown(name)} twice")
         if not Path(folder).is_dir():
             raise InputError.at(f"--camera {name}", "a folder of pictures", shown(folder))
+        for other, taken in folders.items():
+            if taken.samefile(folder):
+                raise InputError.at(f"--camera {name}", f"a folder other than that of {other}", shown(folder))
         folders[name] = Path(folder)
     if len(folders) < 2:
         raise InputError.at("--camera", "two or more cameras, or pictures without --camera", str(len(folders)))

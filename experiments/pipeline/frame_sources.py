@@ -106,6 +106,10 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
         if name in named or (not name and len(specs) > 1):
             expected = "NAME=SOURCE with a unique name" if name else "NAME=SOURCE for each of several cameras"
             raise InputError.at("source", expected, vision.shown_source(spec))
+        for other, taken in named.items():
+            if Path(taken).resolve() == Path(source).resolve():
+                expected = f"another source than that of {other}"
+                raise InputError.at(f"source of camera {name}", expected, vision.shown_source(source))
         named[name] = source
     return named
 

@@ -36,6 +36,8 @@ def source_in(folder: Path) -> Path:
         present.remove(SEGMENTS)  # these pieces have been joined, and will be removed
     if len(present) != 1:
         found = " and ".join(f"{name}/" if name in FOLDERS else name for name in present)
+        if not found and any(folder.glob(f"{SEGMENTS}.*")):
+            found = f"pieces of films; softaim record --recover {folder} joins them"
         raise InputError.at(folder, f"one of {', '.join(VIDEOS)}, {FRAMES}/ or {MARKS}", found or "none")
     source = folder / present[0]
     if source.is_dir() != (source.name in FOLDERS):

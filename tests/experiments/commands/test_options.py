@@ -186,7 +186,12 @@ WORK = {
     "live": ("servers.opening.served", "simulation.phantom_process.PhantomProcess", "pipeline.live.following.live!"),
     "sweep": ("pipeline.sweep.run_sweep!",),
     "faults": (
-        *("studies.faults.study.faults_study", "studies.faults.study.markdown", "formats.page.rewrite_page"),
+        *(
+            "studies.faults.study.faults_study",
+            "studies.faults.study.markdown",
+            "formats.page.rewrite_page",
+            "errors.read_text",
+        ),
         "commands.run.Run.finish!",
     ),
 }

@@ -57,6 +57,12 @@ def test_one_camera_of_two_is_enough(tmp_path: Path) -> None:
     assert [one.camera for one in read_recording(recording(tmp_path, right=3)).films] == ["right"]
 
 
+def test_pieces_of_killed_films_are_named(tmp_path: Path) -> None:
+    (recording(tmp_path) / "segments.left").mkdir()
+    with pytest.raises(InputError, match=f"found pieces of films; softaim record --recover {tmp_path} joins them"):
+        read_recording(tmp_path)
+
+
 def larger(folder: Path) -> None:
     for path in (folder / "frames.right").iterdir():
         cv2.imwrite(str(path), np.zeros((240, 320, 3), np.uint8))
