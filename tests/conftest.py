@@ -15,7 +15,8 @@ settings.register_profile("softaim", derandomize=True, deadline=None)
 settings.load_profile("softaim")
 
 HERE = Path(__file__).parent
-FIRST = (HERE / "estimators/baselines/test_registry.py", HERE / "estimators/guidance/test_advice.py")
+KERNELS = "baselines/test_registry.py", "guidance/test_advice.py", "core/test_ahead.py"
+FIRST = tuple(HERE / "estimators" / name for name in KERNELS)
 """Files that call nearly all kernels of dynamics and estimators."""
 SECOND = (HERE / "vision", HERE / "experiments/formats", HERE / "experiments/servers")
 """Where nearly all kernels that are called are those of vision."""
