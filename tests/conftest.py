@@ -42,7 +42,7 @@ class LastFirst(pytest.Dir):
 
 
 def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """The second worker imports a folder's last module first: in a fresh clone each compiles half of them to bytecode."""
+    """The second worker imports a folder's last module first: in a fresh clone, each compiles half of them."""
     return LastFirst.from_parent(parent, path=path) if os.environ.get("PYTEST_XDIST_WORKER") == "gw1" else None
 
 

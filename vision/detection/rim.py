@@ -137,10 +137,7 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
             squares += w * error * error
             n_on += w
             score += w
-        # written out, because numba compiles `np.linalg.det` for seconds
-        det = normal[0, 0] * (normal[1, 1] * normal[2, 2] - normal[1, 2] ** 2) - normal[1, 1] * normal[0, 2] ** 2
-        det += normal[0, 1] * (2.0 * normal[0, 2] * normal[1, 2] - normal[0, 1] * normal[2, 2])
-        if n_on < 3.0 or abs(det) < 1e-9:
+        if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
             return 0.0, fit, np.eye(2), 0.0
         fit += np.linalg.inv(normal) @ gradient
         variance = max(squares / n_on, (edge_sd_px / scale) ** 2)
