@@ -4,6 +4,7 @@ Property-based tests draw the same examples in every run, so that a red run is a
 """
 
 import gc
+import os
 import signal
 from pathlib import Path
 
@@ -14,7 +15,8 @@ settings.register_profile("softaim", derandomize=True, deadline=None)
 settings.load_profile("softaim")
 
 HERE = Path(__file__).parent
-FIRST = (HERE / "estimators/baselines/test_registry.py", HERE / "estimators/guidance/test_advice.py")
+KERNELS = "baselines/test_registry.py", "guidance/test_advice.py", "core/test_ahead.py"
+FIRST = tuple(HERE / "estimators" / name for name in KERNELS)
 """Files that call nearly all kernels of dynamics and estimators."""
 SECOND = (HERE / "vision", HERE / "experiments/formats", HERE / "experiments/servers")
 """Where nearly all kernels that are called are those of vision."""
@@ -32,6 +34,18 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+class LastFirst(pytest.Dir):
+    """A folder whose tests are collected from the last to the first."""
+
+    def collect(self) -> list[pytest.Item | pytest.Collector]:
+        return [*super().collect()][::-1]
+
+
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """The second worker imports a folder's last module first: in a fresh clone, each compiles half of them."""
+    return LastFirst.from_parent(parent, path=path) if os.environ.get("PYTEST_XDIST_WORKER") == "gw1" else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put tests of vision, then the longest, at the start of the second half, where the second of two workers begins.
 
@@ -40,6 +54,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     neither left for the end, where the other worker would wait for it, nor split between two that make its fixtures
     twice.
     """
+    items.sort(key=lambda item: item.path)
     first, second = within(items, FIRST), within(items, (*SECOND, *LONGEST))
     placed = {*first, *second}
     others = [item for item in items if item not in placed]

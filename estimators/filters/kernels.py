@@ -126,6 +126,7 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     y (m,), S_inv (m, m): innovation and inverse of its covariance; width: number of measurements in a block
     The best shift of blocks reduces the NIS by `w'H (H' S^-1 H)^-1 H'w`, with `w = S^-1 y`. H (m, width) is a unit
     matrix in the rows of every shifted block, else 0. Omitting a block reduces the NIS as much as its best shift.
+    `np.linalg.inv` because numba compiles `np.linalg.solve` for seconds.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -135,10 +136,10 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     for i in range(n):
         own = np.ascontiguousarray(w[i * width : (i + 1) * width])
         block = np.ascontiguousarray(S_inv[i * width : (i + 1) * width, i * width : (i + 1) * width])
-        most = max(most, np.dot(own, np.linalg.solve(block, own)))
+        most = max(most, np.dot(own, np.linalg.inv(block) @ own))
         together += own
     nis = np.dot(y, w)
-    return nis - np.dot(together, np.linalg.solve(information, together)), nis - most
+    return nis - np.dot(together, np.linalg.inv(information) @ together), nis - most
 
 
 @njit(cache=True, nogil=True)

@@ -98,7 +98,7 @@ def test_assembled_elements_are_the_compiled_network(tangled, dim, order):
     network = tangled(dim)
     x, v = moved(network)
     free = network.free[::order]
-    assembly, q = Assembly(x, free, Assembly.of_network(network).elements), x[free].ravel()
+    assembly, q = Assembly(network.positions, free, Assembly.of_network(network).elements), x[free].ravel()
     force = node_forces(network, x, v)[free].ravel()
     np.testing.assert_allclose(assembly.force(q, v[free].ravel()), force, rtol=0, atol=1e-12)
     np.testing.assert_allclose(assembly.energy(q), potential_energy(network, x), rtol=0, atol=1e-12)
@@ -123,8 +123,9 @@ def test_compiled_and_other_elements_add_up(tangled, dim, hidden):
     x, v = moved(network)
     q, u = free_of(network, x), free_of(network, v)
     elements = 2 * Assembly.of_network(network).elements
-    plain = Assembly(x, network.free, [Hidden(element) for element in elements])
-    mixed = Assembly(x, network.free, [Hidden(one) if k in hidden else one for k, one in enumerate(elements)])
+    at = network.positions, network.free
+    plain = Assembly(*at, [Hidden(element) for element in elements])
+    mixed = Assembly(*at, [Hidden(one) if k in hidden else one for k, one in enumerate(elements)])
     force, K, C = mixed.linearised(q, u)
     np.testing.assert_allclose(force, plain.force(q, u), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(force, mixed.force(q, u))

@@ -126,7 +126,7 @@ def test_tangents_are_semidefinite_and_exact_where_nothing_is_compressed(seed, d
     changes |= {"rest_lengths": lengths * rng.uniform(0.5, 0.99, 10), "damping": rng.uniform(0.0, 1.0, 10)}
     network = build_network(positions, springs, [0], **changes)
     state = np.r_[positions[1:].ravel(), rng.normal(size=4 * dim)]
-    own = positions, network.free, packed(network)
+    own = network.positions, network.free, packed(network)
     for definite in (False, True):
         K, C = tangents_each(state[None], definite, *own)
         np.testing.assert_allclose(K[0], stiffness_matrix(network, positions), rtol=0, atol=1e-9)
