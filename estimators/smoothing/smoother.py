@@ -100,12 +100,17 @@ def fixed_interval(
     passage, taken = ForwardPass(tissue), list(frames)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
     passed: list[tuple[TargetEstimate | None, Step]] = []  # None: a fix, for which no estimate is returned
-    for k, (time_s, marks) in enumerate(taken, start=1):
-        while waiting and waiting[0][0] <= time_s:
+
+    def use_fixes(until_s: float, *, inclusive: bool) -> None:
+        while waiting and (waiting[0][0] < until_s or (inclusive and waiting[0][0] == until_s)):
             fix = waiting.popleft()
             if tissue.seen_s is not None:
                 passed.append((None, passage.fix(fix)[1]))
+
+    for k, (time_s, marks) in enumerate(taken, start=1):
+        use_fixes(time_s, inclusive=False)
         passed.append(passage.take(time_s, marks))
+        use_fixes(time_s, inclusive=True)  # after the marks, because the filter starts with marks
         advance(0.5 * k / len(taken))
     found: list[TargetEstimate] = []
     for (estimate, _), (mean, cov) in zip(

@@ -167,6 +167,15 @@ def test_a_fix_tells_of_before_and_after(phantom, run, hidden):
     np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])
 
 
+def test_a_fix_at_the_time_of_the_first_frame_is_used(phantom, run, hidden):
+    """Of the target to 0.1 mm, so it is known as well as that at this time."""
+    frames, place = run[0][:5], run[1][0, hidden]
+    found = fixed_interval(new(phantom), frames, fixes=[(frames[0][0], place, 1e-8 * np.eye(2))])
+    assert len(found) == len(frames)
+    np.testing.assert_allclose(found[0].mean, place, rtol=0, atol=3e-4)
+    assert np.trace(found[0].cov) < 2e-8 * (1.0 + 1e-6)
+
+
 def test_nothing_is_known_across_a_new_start(phantom, run):
     """Marks lost for 1.2 s, longer than lost_s, then a new start: what comes after changes no estimate of before."""
     frames = run[0]
