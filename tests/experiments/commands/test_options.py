@@ -186,13 +186,8 @@ WORK = {
     "live": ("servers.opening.served", "simulation.phantom_process.PhantomProcess", "pipeline.live.following.live!"),
     "sweep": ("pipeline.sweep.run_sweep!",),
     "faults": (
-        *(
-            "studies.faults.study.faults_study",
-            "studies.faults.study.markdown",
-            "formats.page.rewrite_page",
-            "errors.read_text",
-        ),
-        "commands.run.Run.finish!",
+        *("studies.faults.study.faults_study", "studies.faults.study.markdown"),
+        *("formats.page.rewrite_page", "errors.read_text", "commands.run.Run.finish!"),
     ),
 }
 """By command the functions of `experiments` that are replaced; those with ! end the run when they are reached."""
