@@ -25,7 +25,7 @@ def as_interrupts() -> Iterator[None]:
     before, later = sys.unraisablehook, list[threading.Timer]()
 
     def ignored(fault: sys.UnraisableHookArgs) -> None:
-        if issubclass(fault.exc_type, KeyboardInterrupt) or _is_interrupt(fault.exc_value):
+        if issubclass(fault.exc_type, KeyboardInterrupt | SystemError) and _is_interrupt(fault.exc_value):
             later.append(threading.Timer(AGAIN_S, _thread.interrupt_main))
             later[-1].start()
         else:
@@ -42,6 +42,8 @@ def as_interrupts() -> Iterator[None]:
         raise
     finally:
         sys.unraisablehook = before
+        for timer in later:
+            timer.cancel()
 
 
 def _is_interrupt(fault: BaseException | None) -> bool:

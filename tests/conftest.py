@@ -54,7 +54,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     neither left for the end, where the other worker would wait for it, nor split between two that make its fixtures
     twice.
     """
-    items.sort(key=lambda item: item.path)
+    items.sort(key=lambda item: item.path)  # both workers need the same order
     first, second = within(items, FIRST), within(items, (*SECOND, *LONGEST))
     placed = {*first, *second}
     others = [item for item in items if item not in placed]

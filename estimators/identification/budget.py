@@ -17,11 +17,12 @@ class IdentificationError(ValueError):
     """Error for a recording from which nothing can be estimated. The message gives the reason."""
 
 
-def too_short(limit: Budget) -> IdentificationError:
-    """The error for a time limit that is too short for any result."""
-    return IdentificationError(
-        f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
-    )
+class TooShortError(IdentificationError):
+    """Error for a time limit that is too short for any result."""
+
+    def __init__(self, limit: Budget) -> None:
+        found = f"found {limit.seconds:.0f} s: too short to pass some frames through the filter"
+        super().__init__(f"expected more time, {found}")
 
 
 class OutOfTimeError(Exception):

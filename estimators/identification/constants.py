@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Progress, Workers, too_short
+from estimators.identification.budget import (
+    Budget,
+    IdentificationError,
+    OutOfTimeError,
+    Progress,
+    TooShortError,
+    Workers,
+)
 from estimators.identification.determined import keeping_undetermined, left_open
 from estimators.identification.filter_pass import Frames, Pass, pass_through
 from estimators.identification.forces import with_likely_forces
@@ -76,6 +83,7 @@ class IdentificationResult:
     n_frames: number of used frames
     in_time: False if the time did not allow all frames and starts, or if the time ended during the search
     n_limited: number of directions in which the covariance was limited by the prior
+    force_strength: estimated strength of the unknown forces, relative to that in the settings [1]; 1 for springs
     """
 
     network: MassSpringNetwork
@@ -96,6 +104,7 @@ class IdentificationResult:
     n_frames: int
     in_time: bool
     n_limited: int
+    force_strength: float = 1.0
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -158,7 +167,7 @@ def identify_constants(
     try:
         return _identified(problem, from_first_marks(frames), search or IdentificationSettings(), workers, advance)
     except OutOfTimeError:
-        raise too_short(limit) from None
+        raise TooShortError(limit) from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,6 +200,7 @@ def _searched(
     screened = liveliest(used, SCREENED)
     progress = Progress(PASSES_A_SEARCH * n_starts * len(screened) + problem.n_passes * len(used), advance)
     problem = with_likely_forces(replace(problem, budget=problem.budget.watched(progress.frame)), used)
+    progress.returned = progress.seen
 
     def counted(optimum: Optimum | None) -> Optimum | None:
         progress.passes(0.0 if optimum is None else optimum.passes * len(screened))
@@ -227,6 +237,7 @@ def _identified(
     workers: Workers,
     advance: Callable[[float], None],
 ) -> IdentificationResult:
+    given = problem.settings
     found = _searched(
         problem,
         frames,
@@ -269,6 +280,7 @@ def _identified(
         n_frames=len(used),
         in_time=best.in_time and found.n_starts == chosen.n_starts and len(used) == len(frames),
         n_limited=n_limited,
+        force_strength=problem.settings.poked.poke / given.poked.poke,
     )
 
 

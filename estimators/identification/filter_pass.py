@@ -42,7 +42,7 @@ class Pass:
     information: Fisher information, (n, n); log_likelihood: log likelihood of all frames
     nis: normalised innovation squared of each frame, without outliers, (n_frames,)
     dof: expected number of inlying coordinates of each frame, the degrees of freedom of nis, (n_frames,)
-    n_outliers: expected number of outliers among the hidden marks
+    n_hidden, n_outliers: number of hidden marks, and expected number of outliers among them
     effect: sum of `T' T` over the frames [m²], (n, n); columns of T: derivatives of the target's error along directions
     target_error_m: median distance between the predicted target and its mark [m]; None if the target has no mark
     """
@@ -54,6 +54,7 @@ class Pass:
     dof: Floats
     effect: Floats
     target_error_m: float | None = None
+    n_hidden: int = 0
     n_outliers: float = 0.0
 
     @property
@@ -86,7 +87,7 @@ def pass_through(
     level = LEVEL if settings.discrepancy is None else settings.discrepancy
     exact = replace(settings, discrepancy=level, test_sigmas=np.inf)
     small = ParameterUncertainty(uncertainty.parameters, SMALL * uncertainty.directions)
-    n, log_likelihood, n_outliers = len(small.directions), 0.0, 0.0
+    n, log_likelihood, n_hidden, n_outliers = len(small.directions), 0.0, 0, 0.0
     information, effect = np.zeros((n, n)), np.zeros((n, n))
     scores, nis, dof, errors = list[Floats](), list[float](), list[float](), list[float]()
     try:
@@ -116,11 +117,13 @@ def pass_through(
             nis.append(float(weights @ found.nis))
             outlying = float(weights @ found.outlying.sum(axis=1))
             dof.append(found.y.shape[1] - network.dim * outlying)
-            n_outliers += outlying
+            n_hidden, n_outliers = n_hidden + len(hidden), n_outliers + outlying
     except (CovarianceError, np.linalg.LinAlgError):
         return failed_pass(n)
     if not np.isfinite(log_likelihood):
         return failed_pass(n)
     median = float(np.median(errors)) if errors else None
     of_frames = np.array(scores).reshape(len(scores), n)
-    return Pass(of_frames, information, log_likelihood, np.array(nis), np.array(dof), effect, median, n_outliers)
+    return Pass(
+        of_frames, information, log_likelihood, np.array(nis), np.array(dof), effect, median, n_hidden, n_outliers
+    )

@@ -6,11 +6,13 @@ too little motion of the hidden marks, which a wrong stiffness would explain.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from estimators.identification.budget import OutOfTimeError
 from estimators.identification.filter_pass import Frames
 from estimators.identification.problem import STRENGTH_PASSES, Problem
 
@@ -26,15 +28,19 @@ TOLERANCE = 0.3
 FAILED = 1e12
 """Value that the search minimises where the filter fails numerically; numerical."""
 
+MOST_TIME = 0.5
+"""Share of the time limit after which no further strength is tried [1]; choice."""
+
 
 def with_likely_forces(problem: Problem, frames: Frames) -> Problem:
     """The problem with the most probable strength of the unknown forces, given the constants of its network.
 
-    A network of springs is returned unchanged, because its settings state the forces. Raises OutOfTimeError.
+    A network of springs is returned unchanged, because its settings state the forces. If the time ends, the result is
+    the most probable strength so far.
     """
     if problem.network.continuum is None:
         return problem
-    given = np.zeros(len(problem.groups))
+    given, costs = np.zeros(len(problem.groups)), {0.0: FAILED}
 
     def scaled(log: float) -> Problem:
         forces = problem.settings.poked
@@ -42,9 +48,14 @@ def with_likely_forces(problem: Problem, frames: Frames) -> Problem:
         return replace(problem, settings=replace(problem.settings, poked=stronger))
 
     def cost(log: float) -> float:
+        if problem.budget.share > MOST_TIME:
+            raise OutOfTimeError
         log_likelihood = scaled(log).at(given, frames).log_likelihood
-        return min(0.5 * (log / np.log(FACTOR)) ** 2 - log_likelihood, FAILED)
+        costs[log] = min(0.5 * (log / np.log(FACTOR)) ** 2 - log_likelihood, FAILED)
+        return costs[log]
 
     limit = float(np.log(FURTHEST))
     chosen = {"xatol": TOLERANCE, "maxiter": STRENGTH_PASSES}
-    return scaled(float(minimize_scalar(cost, bounds=(-limit, limit), method="bounded", options=chosen).x))
+    with suppress(OutOfTimeError):
+        minimize_scalar(cost, bounds=(-limit, limit), method="bounded", options=chosen)
+    return scaled(min(costs, key=costs.__getitem__))

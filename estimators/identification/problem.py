@@ -43,7 +43,7 @@ class Problem:
 
     @property
     def n_passes(self) -> int:
-        """Expected number of filter passes through all used frames."""
+        """Number of filter passes through all used frames for which time is reserved."""
         return PASSES_A_SEARCH + (0 if self.network.continuum is None else STRENGTH_PASSES)
 
     def model(self, theta: Floats) -> MassSpringNetwork:

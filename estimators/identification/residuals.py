@@ -14,7 +14,7 @@ LEVEL = 0.01
 """Significance level of the test whether sampling error alone explains the residuals; choice."""
 
 MOST_OUTLIERS = 0.01
-"""Largest number of outliers among the hidden marks of a model that explains them, per inlying coordinate; choice."""
+"""Largest share of outliers among the hidden marks of a model that explains them [1]; choice."""
 
 ROUNDING = 1e-9
 """Because of rounding errors, a variance may exceed the prior variance by this relative amount; numerical."""
@@ -63,11 +63,13 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     times = times_counted(found)
     cov = np.asarray(np.linalg.inv(found.information / times + prior_precision), dtype=np.float64)
     dof = float(found.dof.sum())
-    if not dof:
+    if dof < 1.0:
         return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, not found.n_outliers, found.n_outliers)
     worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
     size, n_effective = float(found.nis.sum()) / dof, dof / times
-    explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective) and found.n_outliers <= MOST_OUTLIERS * dof
+    explained = (
+        bool(size <= chi2.isf(LEVEL, n_effective) / n_effective) and found.n_outliers <= MOST_OUTLIERS * found.n_hidden
+    )
     test = ResidualTest(size, float(np.sqrt(worst)), round(dof), n_effective, explained, found.n_outliers)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
 

@@ -11,7 +11,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty
 from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.core.track import TissueFilter
-from estimators.identification.budget import Budget, OutOfTimeError, Progress, Workers, too_short
+from estimators.identification.budget import Budget, OutOfTimeError, Progress, TooShortError, Workers
 from estimators.identification.filter_pass import Frames
 from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
 from estimators.tissue.settings import FilterSettings
@@ -113,7 +113,7 @@ def tune_strain(
             found.append(one)
             progress.passes(len(used))
     except OutOfTimeError:
-        raise too_short(limit) from None
+        raise TooShortError(limit) from None
     logs: Floats = np.array(found[1:])
     best = int(np.flatnonzero(logs >= logs.max() - REFUTED)[-1])
     return TuningResult(

@@ -33,7 +33,8 @@ def content_digest(path: Path) -> str:
 def check_made_from(folder: Path, source: Path) -> None:
     """Raise InputError if a result's provenance file states that it was made from other files than those in `source`.
 
-    A folder without provenance is accepted, and so is that of a live run, whose frames may come from any source.
+    Accepted are a folder without provenance, that of a live run, whose frames may come from any source, and that of a
+    recording of the same name, because the user may have edited its scene since.
     """
     path = folder / PROVENANCE
     if not path.is_file():
@@ -42,7 +43,8 @@ def check_made_from(folder: Path, source: Path) -> None:
         made = json.loads(read_text(path))
         read = {one["sha256"]: one["path"] for one in made["inputs"]}
         from_any = made["command"] == "live"
-    if not from_any and content_digest(source) not in read:
+    is_named = any(Path(path).name == source.resolve().name for path in read.values())
+    if not from_any and not is_named and content_digest(source) not in read:
         raise InputError.at(folder, f"results of the files in {source}", f"results of {', '.join(read.values())}")
 
 

@@ -108,7 +108,7 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
             raise InputError.at("source", expected, vision.shown_source(spec))
         for other, taken in named.items():
             if Path(taken).resolve() == Path(source).resolve():
-                expected = f"another source than that of {other}"
+                expected = f"a source other than that of {other}"
                 raise InputError.at(f"source of camera {name}", expected, vision.shown_source(source))
         named[name] = source
     return named

@@ -22,7 +22,7 @@ from estimators import (
     tune_strain,
 )
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
-from estimators.identification.budget import OutOfTimeError
+from estimators.identification.budget import TooShortError
 from experiments.errors import InputError, placed
 from experiments.formats.recording import Recording
 from experiments.formats.scene.mesh import SceneMesh
@@ -56,8 +56,8 @@ def estimated(recording: Recording) -> Iterator[None]:
     try:
         yield
     except IdentificationError as error:
-        is_short = isinstance(error.__context__, OutOfTimeError)
-        raise InputError(f"{'--minutes' if is_short else recording.folder}: {error}") from error
+        at = "--minutes" if isinstance(error, TooShortError) else recording.folder
+        raise InputError(f"{at}: {error}") from error
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
@@ -98,7 +98,10 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
 
 
 def with_position_error(scene: Scene, frames: Frames) -> Frames:
-    """The frames, with the error of the target's stated position as a part of the error of its mark."""
+    """The frames, with the error of the target's stated position as a part of the error of its mark.
+
+    This error is the same in all frames. Here it is treated as independent, which is an approximation.
+    """
     sd_m = scene.target.position_sd_m
     if not sd_m:
         return frames
@@ -269,6 +272,7 @@ def identification_report(found: IdentificationResult, mesh: SceneMesh | None = 
             "effective_innovations": found.residuals.n_effective,
             "outliers": found.residuals.n_outliers,
         },
+        "force_strength": found.force_strength,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
         "target_error_mm": _mm(found.target_error_m),
@@ -297,6 +301,8 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         larger = f"standard errors were multiplied by up to {residuals.inflation:.1f}"
         lines += [f"Residuals are not explained: {size}; {worth}; {larger}"]
     lines += _known_badly(found)
+    if found.network.continuum is not None:
+        lines += [f"Unknown forces: {found.force_strength:.2g} times as strong as expected from poke_m_s2"]
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         with_noise = "Median error of the target predicted without its mark, mark noise included"

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from experiments import interrupts
 from experiments.commands import app
 from experiments.interrupts import as_interrupts
 from experiments.pipeline.live.following import live
@@ -52,6 +53,32 @@ def test_an_interrupt_of_a_callback_from_c_is_not_lost(capfd):
         [callback(), *map(time.sleep, [0.01] * 1000)]
     assert sys.unraisablehook is hook
     assert capfd.readouterr().err == ""
+
+
+@POSIX
+def test_an_interrupt_of_a_callback_is_not_raised_again_after_the_end(monkeypatch):
+    """Another exception ends the block before the interrupt is raised again."""
+    callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr(interrupts, "AGAIN_S", 0.3)
+    with pytest.raises(ValueError, match="another"), as_interrupts():
+        raise ValueError([callback(), "another"][1])
+    time.sleep(0.5)
+
+
+def test_a_fault_that_python_ignores_while_an_interrupt_is_handled_is_reported(monkeypatch):
+    class Faulty:
+        def __del__(self) -> None:
+            raise OSError("a fault of its own")
+
+    reported = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda fault: reported.append(str(fault.exc_value)))
+    with as_interrupts():
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            del [Faulty()][0]
+            time.sleep(3.0 * interrupts.AGAIN_S)
+    assert reported == ["a fault of its own"]
 
 
 def test_another_fault_of_the_system_stays():

@@ -222,7 +222,7 @@ class Session:
         """Predict and show the target at now_s [s] without a frame.
 
         The filter itself is predicted only to a time before now_s, because a late frame may still come. The estimate at
-        that time is written. The estimate at now_s is only shown; after a restart it has no position.
+        that time is written. The estimate at now_s is only shown; without any used frame it has no position.
         """
         self._check_filter()
         tissue, ahead = self.line.filter, nowhere(now_s, self.line.scene.network.dim)

@@ -106,6 +106,7 @@ def test_a_hidden_mark_that_is_something_else_hardly_matters():
     assert abs(there.scores[7]) < 0.01 * abs(usual.scores[7])
     assert there.n_outliers == pytest.approx(1.0, abs=1e-3)
     assert usual.n_outliers == 0.0
+    assert usual.n_hidden == there.n_hidden == len(FRAMES)
     assert there.dof.sum() == pytest.approx(2 * len(FRAMES) - 2, abs=1e-3)
 
 

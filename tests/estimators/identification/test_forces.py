@@ -1,5 +1,7 @@
 """The strength of unknown forces. Truth: linear finite elements of another mesh at rest under a slow force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
@@ -59,11 +61,20 @@ def test_stronger_forces_are_found_and_the_true_stiffness_fits_them(problem, mon
     weak, strong = (forces.with_likely_forces(problem, frames(a)) for a in (0.2, 20.0))
     assert len(passes) <= 2 * STRENGTH_PASSES
     assert strength(weak, problem) < 0.6
-    assert 1.5 < strength(strong, problem) < forces.FURTHEST
+    assert 1.5 < strength(strong, problem) < 0.5 * forces.FURTHEST
     true = np.zeros(len(problem.groups))
     stated, likely = (one.at(true, frames(20.0)) for one in (problem, strong))
     assert likely.log_likelihood > stated.log_likelihood + 5.0
     assert abs(likely.gradient[0]) < 0.3 * abs(stated.gradient[0])
+
+
+def test_out_of_time_the_strength_is_the_best_so_far(problem):
+    """A clock that each look moves by a second: half of the time is three passes of 30 frames, or none."""
+    seconds = iter(range(1000))
+    limits = {limit: Budget(limit, lambda: float(next(seconds))) for limit in (190.0, 1e-3)}
+    few, none = (forces.with_likely_forces(replace(problem, budget=one), frames(20.0)) for one in limits.values())
+    assert strength(few, problem) > 1.5
+    assert strength(none, problem) == 1.0
 
 
 def test_the_forces_of_springs_are_as_stated(problem):

@@ -64,11 +64,11 @@ def test_large_residuals_are_not_explained():
 
 
 def test_many_outliers_are_not_explained():
-    """Of 4,000 inlying coordinates, up to one mark in a hundred may be an outlier; without any inlier, none."""
+    """Of 2,000 marks, up to one in a hundred may be an outlier; without any inlier, none."""
     rng = np.random.default_rng(1)
-    white = made_pass(rng.normal(size=(N, 3)), rng.chisquare(2.0, N))
-    assert residual_covariance(replace(white, n_outliers=40.0))[1].explained
-    assert not residual_covariance(replace(white, n_outliers=41.0))[1].explained
+    white = replace(made_pass(rng.normal(size=(N, 3)), rng.chisquare(2.0, N)), n_hidden=N)
+    assert residual_covariance(replace(white, n_outliers=20.0))[1].explained
+    assert not residual_covariance(replace(white, n_outliers=21.0))[1].explained
     assert not residual_covariance(replace(white, dof=np.zeros(N), n_outliers=1.0))[1].explained
 
 

@@ -133,7 +133,8 @@ def test_comments_say_what_is_assumed(made: Path) -> None:
 
 
 def test_all_pages_say_the_same_about_who_reads_the_truth(made: Path) -> None:
-    pages = (made / "STEPS.md", made / "truth" / "scene.toml", Path("docs/tutorial.md"))
+    tutorial = Path(__file__).parents[3] / "docs" / "tutorial.md"
+    pages = (made / "STEPS.md", made / "truth" / "scene.toml", made / "truth" / "all_marks.toml", tutorial)
     assert all(READ_TRUTH in " ".join(page.read_text(encoding="utf-8").split()) for page in pages)
 
 
