@@ -281,7 +281,8 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
     """Index of the path's time interval in which the needle arrives, and time of arrival; (-1, inf) if it does not."""
-    times, means, n, j = path[0], path[1], path[0].shape[0], 0
+    times, means = path[0], path[1]
+    n, j = times.shape[0], 0
     entry, axis, speed, depth, reach = needle
     while j < n - 2 and times[j + 1] < start:
         j += 1

@@ -174,7 +174,7 @@ def identify_constants(
 class _Found:
     """Result of the searches from all starts.
 
-    problem: the problem with the estimated strength of the unknown forces
+    problem: the problem, with the most probable strength of the unknown forces
     before: pass with the constants before the search; n_agreeing: number of starts that led to the best constants
     used: the used frames; left_open: see `determined.left_open`; larger if the last search did not converge, (n, n)
     """
@@ -237,7 +237,7 @@ def _identified(
     workers: Workers,
     advance: Callable[[float], None],
 ) -> IdentificationResult:
-    given = problem.settings
+    stated = problem.settings
     found = _searched(
         problem,
         frames,
@@ -280,7 +280,7 @@ def _identified(
         n_frames=len(used),
         in_time=best.in_time and found.n_starts == chosen.n_starts and len(used) == len(frames),
         n_limited=n_limited,
-        force_strength=problem.settings.poked.poke / given.poked.poke,
+        force_strength=problem.settings.poked.poke / stated.poked.poke,
     )
 
 

@@ -67,9 +67,8 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
         return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, not found.n_outliers, found.n_outliers)
     worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
     size, n_effective = float(found.nis.sum()) / dof, dof / times
-    explained = (
-        bool(size <= chi2.isf(LEVEL, n_effective) / n_effective) and found.n_outliers <= MOST_OUTLIERS * found.n_hidden
-    )
+    is_small = size <= chi2.isf(LEVEL, n_effective) / n_effective
+    explained = bool(is_small and found.n_outliers <= MOST_OUTLIERS * found.n_hidden)
     test = ResidualTest(size, float(np.sqrt(worst)), round(dof), n_effective, explained, found.n_outliers)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
 
