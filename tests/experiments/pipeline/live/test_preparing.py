@@ -19,6 +19,7 @@ import pytest
 from estimators import Advice
 from experiments.formats.needle_file import read_needle
 from experiments.log import LOG
+from experiments.pipeline.live import preparing
 from experiments.pipeline.live.following import live
 from experiments.pipeline.live.preparing import NICENESS, PREPARING, prepared
 from experiments.servers.publisher import Shows
@@ -167,10 +168,12 @@ def test_others_may_compile_while_a_run_is_prepared(kernels):
     assert set(doubled) == {2.0}
 
 
-def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path):
+def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path, monkeypatch):
     """Nought, from which its states go on: a client that ties times to its own clock by the first keeps that tie."""
     simulate(coarse_webcam().model_copy(update={"duration_s": 0.2}), tmp_path / "rec")
-    viewer = Mock()
+    viewer, is_shown = Mock(), threading.Event()
+    viewer.prepare.side_effect = lambda *_args: is_shown.set()
+    monkeypatch.setattr(preparing, "_from_cache", lambda make: is_shown.wait() and make())
     live([str(tmp_path / "rec")], None, lambda _scene: nullcontext(tmp_path), attendant=lambda _scene, _plan: viewer)
     before = {time_s for _frame, _n_shown, time_s in (call.args for call in viewer.prepare.call_args_list)}
     then = [shown.estimate.time_s for shown, _line in (call.args for call in viewer.publish.call_args_list)]
