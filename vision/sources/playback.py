@@ -41,8 +41,8 @@ class Playback:
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which time 0 of the film is played [s]; 0 before the first frame."""
-        return self._start.at_s or 0.0
+        """Clock time at which time 0 of the film is played [s]; the present before the first frame."""
+        return self._clock() if self._start.at_s is None else self._start.at_s
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         """Always True."""

@@ -107,6 +107,13 @@ def test_a_film_is_as_fast_as_is_said(film: str) -> None:
     assert [time_s for _, time_s in times] == pytest.approx([k / 240.0 for k, _ in times], abs=1e-9)
 
 
+def test_a_film_that_has_not_begun_is_at_its_time_zero(film: str) -> None:
+    """States are shown before the first frame, too, and their times are the film's own, not those of a clock."""
+    with open_source(film, live=True) as source:
+        before_s, origin_s, after_s = time.monotonic(), source.origin_s, time.monotonic()
+    assert before_s <= origin_s <= after_s
+
+
 @pytest.mark.parametrize("spec", ["0", "/dev/null", "rtsp://camera/1"])
 def test_a_camera_and_a_stream_are_as_fast_as_they_are(spec: str) -> None:
     with pytest.raises(SourceError, match=f"{spec}: expected no fps beside a camera or stream, found 30"):
