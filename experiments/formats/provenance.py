@@ -43,7 +43,7 @@ def check_made_from(folder: Path, source: Path) -> None:
         made = json.loads(read_text(path))
         read = {one["sha256"]: one["path"] for one in made["inputs"]}
         from_any = made["command"] == "live"
-    is_named = any(Path(path).name == source.resolve().name for path in read.values())
+    is_named = any(Path(made_from).name == source.resolve().name for made_from in read.values())
     if not from_any and not is_named and content_digest(source) not in read:
         raise InputError.at(folder, f"results of the files in {source}", f"results of {', '.join(read.values())}")
 

@@ -119,7 +119,10 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Clock time at which time 0 of a film is played [s]; 0 for a camera or stream."""
+        """Clock time at which time 0 of a film is played [s]; 0 for a camera or stream.
+
+        Before the first frame of a film, it is the present.
+        """
         return self._origin()
 
     @property
